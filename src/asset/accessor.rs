@@ -1,0 +1,1 @@
+//! Accessors decoded to numbers: every component type, normalised, strided, sparse, without a buffer view.

@@ -1,0 +1,3 @@
+//! Command line of gltf-lod.
+
+fn main() {}

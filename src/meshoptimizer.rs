@@ -1,0 +1,1 @@
+//! The one door to the C++ library: checks every index and length, then calls it.

@@ -1,0 +1,60 @@
+//! The simplifier: one run from fine to coarse, a snapshot at each target.
+
+mod options;
+
+pub use options::{Algorithm, AttributeWeights, EdgePolicy, Mode, Options, Schedule, Target};
+
+use crate::error::{Error, Kind, Result};
+use crate::mesh::Mesh;
+
+/// The levels of one mesh, finest first, one for each target.
+#[derive(Debug, Clone)]
+pub struct Chain {
+    /// One for each of [`Options::levels`], in their order.
+    pub levels: Vec<Level>,
+}
+
+/// One level of detail.
+#[derive(Debug, Clone)]
+pub struct Level {
+    /// The simplified mesh: attributes and skin in the source's layout, no unused vertices.
+    pub mesh: Mesh,
+    /// Why it has the triangles it has.
+    pub stop: Stop,
+    /// Collapses refused since the level before, by cause.
+    pub refusals: Refusals,
+}
+
+/// What ended a level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// The triangle target (± 1) is met.
+    Target,
+    /// One more step would break the error target.
+    Error,
+    /// No edge may collapse any more; the refusals say why.
+    Stuck,
+}
+
+/// Refused collapses by cause.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Refusals {
+    /// The link condition: the surface would fold onto itself or change its topology.
+    pub link: u64,
+    /// A face would turn over.
+    pub flip: u64,
+    /// A face would become a needle.
+    pub needle: u64,
+    /// A border vertex would leave the border, or the policy locks it.
+    pub border: u64,
+    /// A seam or material border would break, or the policy locks it.
+    pub seam: u64,
+}
+
+/// Simplifies `mesh` to every target of `options`.
+///
+/// # Errors
+/// [`Kind::Malformed`] when an index is out of range, an array has the wrong length or a position is not finite.
+pub fn simplify(_mesh: &Mesh, _options: &Options) -> Result<Chain> {
+    Err(Error::new(Kind::Unsupported, "not there yet"))
+}

@@ -1,0 +1,128 @@
+//! What to build: targets, algorithm, policies.
+
+/// Options of one simplification run. `Options::default()` gives 50, 25 and 12.5 %.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// The levels, finest first. Each continues from the one before.
+    pub levels: Vec<Target>,
+    /// No level gets fewer triangles than this.
+    pub min_triangles: usize,
+    /// How edges are ranked and in which order they collapse.
+    pub algorithm: Algorithm,
+    /// `Passes` is faster, `Queue` keeps the strict order of costs.
+    pub schedule: Schedule,
+    /// ESQEM's `a`: how much Gaussian curvature counts (0 turns it off). Paper: 0.01. See [`Mode`] for the meaning in each mode.
+    pub curvature_weight: f32,
+    /// ESQEM's `b`: edges longer than `b` times the mean edge length are split after the collapses; `None` splits nothing.
+    pub split_factor: Option<f32>,
+    /// Open borders.
+    pub border: EdgePolicy,
+    /// Attribute seams: edges with different attributes on either side.
+    pub seam: EdgePolicy,
+    /// Borders between groups (materials).
+    pub material_border: EdgePolicy,
+    /// How much attributes count against positions.
+    pub attribute_weights: AttributeWeights,
+}
+
+/// What ends a level: the first of the given rules that binds. A target without any rule ends at once.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Target {
+    /// Share of the source's triangles, in (0, 1].
+    pub ratio: Option<f64>,
+    /// Number of triangles.
+    pub triangles: Option<usize>,
+    /// Largest distance from the source surface, object units.
+    pub error: Option<f64>,
+}
+
+impl Target {
+    /// A share of the source's triangles.
+    pub fn ratio(ratio: f64) -> Self {
+        Self { ratio: Some(ratio), ..Self::default() }
+    }
+
+    /// A number of triangles.
+    pub fn triangles(triangles: usize) -> Self {
+        Self { triangles: Some(triangles), ..Self::default() }
+    }
+}
+
+/// The cost and placement of a collapse.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Algorithm {
+    /// Quadric error with Gaussian curvature, and a split pass (Zhang 2022).
+    Esqem(Mode),
+    /// Quadric error metrics (Garland & Heckbert 1997).
+    Qem,
+}
+
+/// How close to the paper an algorithm stays.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Mode {
+    /// Memoryless quadrics, volume-preserving placement, curvature multiplied into the cost, splits on the source surface.
+    #[default]
+    Enhanced,
+    /// Accumulated quadrics, `Q + ω·K` with `ω = a·Q_avg/K_avg` (eq. 12, 13), one midpoint split pass.
+    Paper,
+}
+
+/// In which order edges collapse.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Schedule {
+    /// Rank all edges, collapse greedily where nothing nearby has changed yet, repeat.
+    #[default]
+    Passes,
+    /// One collapse at a time, always the cheapest.
+    Queue,
+}
+
+/// What may happen to a kind of edge.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum EdgePolicy {
+    /// No care is taken of its shape beyond what the surface itself asks.
+    Free,
+    /// Its shape costs: it moves only where that is cheap.
+    #[default]
+    Preserve,
+    /// Its vertices do not move.
+    Lock,
+}
+
+/// Weight of attribute errors relative to position errors; 1 is the automatic normalisation, 0 ignores the attribute.
+///
+/// At weight 1 an attribute is scaled so that one preset serves small and large meshes: UVs by their density, normals by the mean
+/// edge length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AttributeWeights {
+    /// Normals.
+    pub normal: f32,
+    /// Texture coordinates, all sets.
+    pub tex_coord: f32,
+    /// Colours, all sets.
+    pub color: f32,
+}
+
+impl Default for AttributeWeights {
+    fn default() -> Self {
+        Self { normal: 1.0, tex_coord: 1.0, color: 1.0 }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            levels: vec![Target::ratio(0.5), Target::ratio(0.25), Target::ratio(0.125)],
+            min_triangles: 4,
+            algorithm: Algorithm::Esqem(Mode::Enhanced),
+            schedule: Schedule::Passes,
+            curvature_weight: 1.0,
+            split_factor: Some(4.0 / 3.0),
+            border: EdgePolicy::Preserve,
+            seam: EdgePolicy::Preserve,
+            material_border: EdgePolicy::Preserve,
+            attribute_weights: AttributeWeights::default(),
+        }
+    }
+}
