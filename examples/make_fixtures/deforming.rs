@@ -37,10 +37,10 @@ fn tentacle() -> Vec<u8> {
     let mut primitive = file.primitive(&shape);
     let influences = shape.per_vertex(|p| eight_influences(p.y / LENGTH * (JOINTS - 1) as f64, JOINTS));
     for set in 0..2 {
-        let part = |pick: fn(&([u8; 8], [u8; 8])) -> &[u8; 8]| -> Vec<u8> {
+        let part = |pick: fn(&Influences) -> &[u8; 8]| -> Vec<u8> {
             influences.iter().flat_map(|i| pick(i)[4 * set..4 * set + 4].to_vec()).collect()
         };
-        let (joints, weights) = (part(|i| &i.0), part(|i| &i.1));
+        let (joints, weights) = (part(|i| &i.joints), part(|i| &i.weights));
         primitive["attributes"][format!("JOINTS_{set}")] = json!(bytes_of_four(&mut file, &joints, false));
         primitive["attributes"][format!("WEIGHTS_{set}")] = json!(bytes_of_four(&mut file, &weights, true));
     }
@@ -51,8 +51,14 @@ fn tentacle() -> Vec<u8> {
     file.glb()
 }
 
+/// Eight joints of a vertex and their weights, in 255ths.
+struct Influences {
+    joints: [u8; 8],
+    weights: [u8; 8],
+}
+
 /// Weights of a smooth falloff around `at` on the chain, largest first.
-fn eight_influences(at: f64, joints: usize) -> ([u8; 8], [u8; 8]) {
+fn eight_influences(at: f64, joints: usize) -> Influences {
     let first = (at.floor() as usize).saturating_sub(3).min(joints - 8);
     let falloff = |k: usize| {
         let x = (1.0 - ((first + k) as f64 - at).abs() / 4.5).max(0.0);
@@ -65,7 +71,7 @@ fn eight_influences(at: f64, joints: usize) -> ([u8; 8], [u8; 8]) {
     let total: u8 = pairs.iter().map(|p| p.1).sum();
     pairs[0].1 += 255 - total;
     let pick = |k: usize| if pairs[k].1 == 0 { 0 } else { pairs[k].0 };
-    (std::array::from_fn(pick), std::array::from_fn(|k| pairs[k].1))
+    Influences { joints: std::array::from_fn(pick), weights: std::array::from_fn(|k| pairs[k].1) }
 }
 
 /// Animated joints and animated morph weights on one node.

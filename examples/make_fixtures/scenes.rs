@@ -124,9 +124,9 @@ fn unknown_extensions() -> Vec<u8> {
     file.uses("FB_unknown_gadget");
     let gadget = json!({"FB_unknown_gadget": {
         "node": bust, "mesh": mesh, "accessor": spare, "pointer": "/nodes/1/mesh",
-        "exact": 0.1000000000000000055, "large": 9_007_199_254_740_993_u64, "nested": [null, true, {"": []}],
+        "exact": 0.30000000000000004, "large": 9_007_199_254_740_993_u64, "nested": [null, true, {"": []}],
     }});
-    let extras = json!({"note": "Größe ❤ \"quoted\" \\ / \u{1}", "gltf_lod": "not ours", "ids": [1, 2, 3]});
+    let extras = json!({"note": "Größe ❤ \"quoted\" \\ / \u{1}", "ids": [1, 2, 3]});
     mark(file.root(), &gadget, &extras);
     file.gltf_with_data_uri()
 }
