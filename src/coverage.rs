@@ -126,3 +126,109 @@ fn pick_explicit(numbers: &[f64], requested: &[usize]) -> Result<Vec<f64>> {
     }
     Ok(values)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// 1080 lines, one pixel, nothing culled.
+    fn settings(coverage: Coverage, basis: Basis, cull_coverage: f64) -> Settings {
+        Settings {
+            skip: None,
+            simplify: crate::simplify::Options::default(),
+            levels: Vec::new(),
+            min_source_triangles: 0,
+            min_saving: 1.0,
+            screen_height: 1080.0,
+            pixel_tolerance: 1.0,
+            coverage,
+            basis,
+            cull_coverage,
+            gates: Default::default(),
+            layout: Default::default(),
+            existing: Default::default(),
+            naming: "{name}_LOD{level}".to_owned(),
+            samples: 0,
+        }
+    }
+
+    fn auto(errors: &[f64], radius: f64, basis: Basis, cull: f64) -> Switches {
+        let requested: Vec<usize> = (0..errors.len()).collect();
+        place_switches(errors, &requested, radius, &settings(Coverage::Auto, basis, cull)).unwrap()
+    }
+
+    #[test]
+    fn a_switch_shows_exactly_the_tolerated_error() {
+        // 2 · 1 px · 1 unit / (0.01 units · 1080 px), and twice the error at half the size.
+        let switches = auto(&[0.01, 0.02], 1.0, Basis::Height, 0.0);
+        assert_eq!(switches.values, [2.0 / 10.8, 1.0 / 10.8, 0.0]);
+        assert!((pixels_of_error(0.01, 1.0, switches.values[0], 1080.0) - 1.0).abs() < 1e-12);
+        assert!((error_of_pixels(1.0, 1.0, switches.values[0], 1080.0) - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_level_without_error_takes_over_at_once() {
+        let switches = auto(&[0.0, 0.01], 1.0, Basis::Height, 0.001);
+        assert_eq!(switches.values, [1.0, 2.0 / 10.8, 0.001]);
+    }
+
+    #[test]
+    fn switches_fall_where_errors_do_not_rise() {
+        let switches = auto(&[0.02, 0.02, 0.01], 1.0, Basis::Height, 0.0);
+        let first = 1.0 / 10.8;
+        assert_eq!(switches.values, [first, first * 0.99, first * 0.99 * 0.99, 0.0]);
+    }
+
+    #[test]
+    fn no_level_is_lost_to_culling() {
+        let switches = auto(&[0.01], 1.0, Basis::Height, 0.5);
+        assert_eq!(switches.values, [2.0 / 10.8, 1.0 / 10.8]);
+        assert_eq!(switches.notes.len(), 1);
+    }
+
+    #[test]
+    fn area_is_the_disc_over_a_wide_screen() {
+        // A sphere as high as the screen: π/4 of a square, which is 9/16 of the screen.
+        assert_eq!(from_height(1.0, Basis::Area), std::f64::consts::PI * 9.0 / 64.0);
+        assert!((to_height(from_height(0.3, Basis::Area), Basis::Area) - 0.3).abs() < 1e-15);
+    }
+
+    #[test]
+    fn explicit_numbers_go_by_the_level_asked_for() {
+        let settings = settings(Coverage::Explicit(vec![0.5, 0.25, 0.1]), Basis::Height, 0.01);
+        let place = |requested: &[usize]| place_switches(&vec![0.1; requested.len()], requested, 1.0, &settings);
+        assert_eq!(place(&[0, 2]).unwrap().values, [0.5, 0.1, 0.01]);
+        assert_eq!(place(&[3]).unwrap_err().kind, Kind::Preset);
+    }
+
+    #[test]
+    fn explicit_numbers_must_fall() {
+        let settings = settings(Coverage::Explicit(vec![0.25, 0.5]), Basis::Height, 0.0);
+        assert_eq!(place_switches(&[0.1, 0.2], &[0, 1], 1.0, &settings).unwrap_err().kind, Kind::Preset);
+    }
+
+    #[test]
+    fn the_sphere_is_that_of_the_vertices_in_use() {
+        let positions = vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [100.0, 0.0, 0.0]];
+        let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        assert_eq!(bounding_radius(&mesh), 2f64.sqrt());
+        assert_eq!(bounding_radius(&Mesh::default()), 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn switches_always_fall_strictly_within_bounds(
+            errors in prop::collection::vec(prop_oneof![Just(0.0), 0.0..1e-3f64, 0.0..10.0f64, Just(f64::MAX), Just(f64::MIN_POSITIVE)], 1..12),
+            radius in prop_oneof![Just(0.0), 1e-30..1e30f64],
+            cull in 0.0..=1.0f64,
+            area in any::<bool>(),
+        ) {
+            let basis = if area { Basis::Area } else { Basis::Height };
+            let values = auto(&errors, radius, basis, cull).values;
+            prop_assert_eq!(values.len(), errors.len() + 1);
+            prop_assert!(values.iter().all(|v| (0.0..=1.0).contains(v)));
+            prop_assert!(values.windows(2).all(|pair| (pair[1] as f32) < pair[0] as f32));
+        }
+    }
+}

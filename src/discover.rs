@@ -188,3 +188,106 @@ pub(crate) fn resolve(path: &Path) -> PathBuf {
         _ => path.to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use tempfile::TempDir;
+
+    fn tree(files: &[&str]) -> TempDir {
+        let directory = tempfile::tempdir().unwrap();
+        for file in files {
+            let path = directory.path().join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, file).unwrap();
+        }
+        directory
+    }
+
+    fn names(sources: &[Source]) -> Vec<&str> {
+        sources.iter().map(|source| source.relative.to_str().unwrap()).collect()
+    }
+
+    fn into(out: impl Into<PathBuf>) -> Destination {
+        Destination::Directory(out.into())
+    }
+
+    #[test]
+    fn a_directory_is_mirrored_in_sorted_order() {
+        let tree = tree(&["b.GLB", "a/z ü.gltf", "a/b.bin", "readme.md"]);
+        let found = discover(&[tree.path().to_owned()], &into("out")).unwrap();
+        assert_eq!(names(&found.assets), ["a/z ü.gltf", "b.GLB"]);
+        assert_eq!(names(&found.others), ["a/b.bin", "readme.md"]);
+        assert_eq!(found.assets[0].output, Path::new("out/a/z ü.gltf"));
+        assert_eq!(found.assets[1].bytes, 5);
+    }
+
+    #[test]
+    fn a_file_goes_by_its_name() {
+        let tree = tree(&["a/b.glb"]);
+        let found = discover(&[tree.path().join("a/b.glb")], &into("out")).unwrap();
+        assert_eq!(found.assets[0].output, Path::new("out/b.glb"));
+        assert_eq!(found.assets[0].root, tree.path().join("a"));
+    }
+
+    #[test]
+    fn an_output_inside_the_input_is_left_out() {
+        let tree = tree(&["a.glb", "out/a.glb", "out/deep/b.glb", "outer/c.glb"]);
+        let found = discover(&[tree.path().to_owned()], &into(tree.path().join("outer/../out"))).unwrap();
+        assert_eq!(names(&found.assets), ["a.glb", "outer/c.glb"]);
+    }
+
+    #[test]
+    fn sources_are_not_overwritten_unasked() {
+        let tree = tree(&["a.glb", "sub/sub/a.glb", "sub/a.glb"]);
+        let root = tree.path().to_owned();
+        let refused = |inputs: &[PathBuf], out: &Path| discover(inputs, &into(out)).unwrap_err();
+        assert_eq!(refused(std::slice::from_ref(&root), &root).kind, Kind::Preset);
+        assert_eq!(refused(&[root.join("a.glb")], &root).file, Some(root.join("a.glb")));
+        // The input lies inside the output, and its own subdirectory leads back to it.
+        assert_eq!(refused(&[root.join("sub")], &root).file, Some(root.join("sub/a.glb")));
+        assert!(discover(std::slice::from_ref(&root), &Destination::DirectoryInPlace(root.clone())).is_ok());
+    }
+
+    #[test]
+    fn two_sources_of_one_output_are_refused() {
+        let tree = tree(&["a/x.glb", "b/x.glb"]);
+        let error = discover(&[tree.path().join("a"), tree.path().join("b")], &into("out")).unwrap_err();
+        assert_eq!(error.file, Some(tree.path().join("b/x.glb")));
+        assert!(discover(&[tree.path().join("a"), tree.path().join("b")], &Destination::Sources).is_ok());
+    }
+
+    #[test]
+    fn missing_and_foreign_inputs_are_named() {
+        let tree = tree(&["readme.md"]);
+        for input in ["gone.glb", "readme.md"] {
+            let input = tree.path().join(input);
+            let error = discover(std::slice::from_ref(&input), &into("out")).unwrap_err();
+            assert_eq!((error.kind, error.file), (Kind::Preset, Some(input)));
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_neither_loop_nor_hide_what_is_missing() {
+        let tree = tree(&["a/x.glb"]);
+        let link = |target: &str, name: &str| std::os::unix::fs::symlink(target, tree.path().join(name)).unwrap();
+        link("..", "a/up");
+        link("gone", "a/dangling.txt");
+        link("gone", "a/dangling.glb");
+        let found = discover(&[tree.path().to_owned()], &into("out")).unwrap();
+        assert_eq!(names(&found.assets), ["a/x.glb"]);
+        let files: Vec<_> = found.troubles.iter().map(|error| error.file.clone().unwrap()).collect();
+        assert_eq!(files, [tree.path().join("a/dangling.glb")]);
+    }
+
+    #[test]
+    fn paths_that_do_not_exist_yet_are_resolved_as_far_as_they_go() {
+        let tree = tree(&["a/x.glb"]);
+        let base = tree.path().canonicalize().unwrap();
+        assert_eq!(resolve(&tree.path().join("a/../new/deep")), base.join("new/deep"));
+        assert_eq!(resolve(&tree.path().join("new/../a")), base.join("a"));
+        assert_eq!(resolve(Path::new("new")), std::env::current_dir().unwrap().join("new"));
+    }
+}
