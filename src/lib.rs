@@ -1,7 +1,9 @@
 //! Builds measured levels of detail into glTF files.
 
 pub mod asset;
+mod attributes;
 pub mod baseline;
+mod curvature;
 pub mod emit;
 pub mod error;
 pub mod measure;
