@@ -212,7 +212,8 @@ impl Hit {
         self.distance_squared.sqrt()
     }
 
-    fn precedes(&self, other: &Hit) -> bool {
+    /// Closer, or as close with a lower index.
+    pub fn precedes(&self, other: &Hit) -> bool {
         (self.distance_squared, self.triangle) < (other.distance_squared, other.triangle)
     }
 }
