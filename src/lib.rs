@@ -3,6 +3,7 @@
 pub mod asset;
 mod attributes;
 pub mod baseline;
+mod bvh;
 mod curvature;
 pub mod emit;
 pub mod error;
