@@ -1,8 +1,11 @@
 //! Builds measured levels of detail into glTF files.
 
 pub mod asset;
+mod attributes;
 pub mod baseline;
+mod bvh;
 pub mod coverage;
+mod curvature;
 pub mod discover;
 pub mod emit;
 pub mod error;

@@ -8,8 +8,11 @@ use std::path::{Path, PathBuf};
 const ALLOWED: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("mesh", &[]),
-    ("measure", &["mesh"]),
-    ("simplify", &["mesh", "measure"]),
+    ("bvh", &[]),
+    ("curvature", &["mesh"]),
+    ("attributes", &["mesh"]),
+    ("measure", &["bvh", "mesh"]),
+    ("simplify", &["attributes", "curvature", "mesh"]),
     ("meshoptimizer", &["mesh"]),
     ("baseline", &["mesh", "meshoptimizer"]),
     ("asset", &["mesh", "meshoptimizer"]),
