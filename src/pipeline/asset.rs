@@ -1,0 +1,142 @@
+//! One asset end to end: read → levels of each mesh → document with levels → files.
+
+use super::mesh::{self, BuiltMesh};
+use super::{BuildOptions, Job, Observer};
+use crate::asset::{Asset, Scene};
+use crate::discover::resolve;
+use crate::emit::{self, Content, Existing, Output, OutputFile};
+use crate::error::{Error, Kind, Result};
+use crate::preset::{MeshNames, Settings};
+use crate::report::{FileReport, Problem, Status, relative_name};
+use rayon::prelude::*;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+/// Processes the asset of `job`; whatever happens, the result is a report.
+pub(super) fn process(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer) -> FileReport {
+    let name = relative_name(&job.source.relative);
+    observer.asset_started(&name);
+    // A bug must not end a run of thousands. Nothing that a panic may leave half done is used afterwards.
+    match catch_unwind(AssertUnwindSafe(|| process_asset(job, options, observer))) {
+        Ok(Ok(report)) => report,
+        Ok(Err(errors)) => report_failure(job, errors),
+        Err(panic) => report_failure(job, vec![describe_panic(panic.as_ref())]),
+    }
+}
+
+/// The report of an asset that was not written.
+pub(super) fn report_failure(job: &Job<'_>, errors: Vec<Error>) -> FileReport {
+    let name_problem = |error: Error| Problem::new(error.in_file(&job.source.path), &job.source.root);
+    FileReport { errors: errors.into_iter().map(name_problem).collect(), ..start_report(job) }
+}
+
+fn start_report(job: &Job<'_>) -> FileReport {
+    FileReport::new(relative_name(&job.source.relative), job.source.bytes, job.presets.hash())
+}
+
+fn describe_panic(panic: &(dyn Any + Send)) -> Error {
+    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    Error::new(Kind::Internal, format!("a bug in gltf-lod: {}", text.unwrap_or("no message")))
+        .help("please report it together with this file; -v shows where it happened")
+}
+
+fn process_asset(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer) -> Result<FileReport, Vec<Error>> {
+    let one = |error| vec![error];
+    let source = job.source;
+    let asset = Asset::read(&source.path, &source.root, &options.limits).map_err(one)?;
+    let scene = asset.scene();
+    let settings = job.presets.settings(&MeshNames::default()).map_err(one)?;
+    refuse_existing(&scene, settings.existing).map_err(one)?;
+
+    let meshes = build_meshes(&asset, &scene, job, options, observer)?;
+    let mut report = start_report(job);
+    report.warnings = asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
+    let mut lods = Vec::new();
+    for built in meshes {
+        report.meshes.push(built.report);
+        report.gates.extend(built.gates);
+        lods.extend(built.lods);
+    }
+    let output = if lods.is_empty() {
+        report.status = Status::Unchanged;
+        pass_through(&asset)
+    } else {
+        report.status = Status::Levels;
+        emit::emit(&asset, &lods, &choose_emit_options(&settings)).map_err(one)?
+    };
+    report.notes.clone_from(&output.notes);
+    report.written_bytes = count_bytes(&output, source.bytes);
+    if !options.dry_run {
+        report.written = write(output, &source.output).map_err(one)?;
+    }
+    Ok(report)
+}
+
+fn refuse_existing(scene: &Scene, policy: Existing) -> Result<()> {
+    match scene.existing.first() {
+        Some((node, _)) if policy == Existing::Refuse => {
+            let place = format!("/nodes/{node}/extensions/MSFT_lod");
+            Err(Error::unsupported(place, "the file has levels of detail already, and the preset refuses such files")
+                .help("set existing = \"keep\" or \"replace\" in its preset, or give the file without levels"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// All meshes are tried, so that a user sees all errors of a file at once.
+fn build_meshes(
+    asset: &Asset,
+    scene: &Scene,
+    job: &Job<'_>,
+    options: &BuildOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<BuiltMesh>, Vec<Error>> {
+    let name = relative_name(&job.source.relative);
+    let task = mesh::Task { asset, scene, presets: &job.presets, limits: &options.limits, file: &name, observer };
+    let indices = 0..asset.document.array("meshes").len();
+    let results: Vec<_> = indices.into_par_iter().map(|index| task.build(index)).collect();
+    let (built, errors): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
+    if errors.is_empty() {
+        Ok(built.into_iter().filter_map(Result::ok).collect())
+    } else {
+        Err(errors.into_iter().filter_map(Result::err).collect())
+    }
+}
+
+fn choose_emit_options(settings: &Settings) -> emit::Options {
+    emit::Options { layout: settings.layout, naming: settings.naming.clone(), existing: settings.existing }
+}
+
+/// The asset's files as they are.
+fn pass_through(asset: &Asset) -> Output {
+    let copy = |relative: PathBuf, from: PathBuf| OutputFile { relative, content: Content::CopyOf(from) };
+    let own = asset.path.file_name().map(|name| copy(name.into(), asset.path.clone()));
+    let existing = asset.resources.iter().filter(|resource| resource.exists);
+    let resources = existing.map(|r| copy(r.relative.clone(), asset.path.with_file_name("").join(&r.relative)));
+    Output { files: own.into_iter().chain(resources).collect(), notes: Vec::new() }
+}
+
+fn count_bytes(output: &Output, source_bytes: u64) -> u64 {
+    let first = output.files.iter().take(1).filter(|file| matches!(file.content, Content::CopyOf(_))).map(|_| source_bytes);
+    let made = output.files.iter().filter_map(|file| match &file.content {
+        Content::Bytes(bytes) => Some(bytes.len() as u64),
+        Content::CopyOf(_) => None,
+    });
+    first.chain(made).sum()
+}
+
+/// Writes the files beside `target` and gives their paths. A copy of a file to itself (in place) is nothing to do.
+fn write(mut output: Output, target: &Path) -> Result<Vec<PathBuf>> {
+    let directory = target.with_file_name("");
+    let written = output.files.iter().map(|file| directory.join(&file.relative)).collect();
+    let is_itself = |file: &OutputFile| match &file.content {
+        Content::CopyOf(from) => resolve(from) == resolve(&directory.join(&file.relative)),
+        Content::Bytes(_) => false,
+    };
+    output.files.retain(|file| !is_itself(file));
+    if !output.files.is_empty() {
+        emit::write(&output, &directory)?;
+    }
+    Ok(written)
+}
