@@ -1,7 +1,7 @@
 //! Progress on stderr: bars on a terminal, a line for each file elsewhere.
 
 use gltf_lod::report::{FileReport, Status};
-use gltf_lod::{Error, Observer};
+use gltf_lod::Observer;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -119,26 +119,6 @@ fn describe_status(report: &FileReport) -> String {
         Status::Levels => format!("{levels} levels{time}"),
         Status::Unchanged => format!("unchanged{time}"),
         Status::Failed => "failed".to_owned(),
-    }
-}
-
-/// One line for each error: `error: FILE: PLACE: what is wrong`, and what to do on the next.
-pub fn print_error(error: &Error) {
-    print_problem("error", error);
-}
-
-/// As [`print_error`], for what stopped nothing.
-pub fn print_warning(error: &Error) {
-    print_problem("warning", error);
-}
-
-fn print_problem(label: &str, error: &Error) {
-    let Error { file, place, message, help, .. } = error;
-    let file = file.as_ref().map(|file| format!("{}: ", file.display())).unwrap_or_default();
-    let place = place.as_ref().map(|place| format!("{place}: ")).unwrap_or_default();
-    write_line(&format!("{label}: {file}{place}{message}"));
-    if let Some(help) = help {
-        write_line(&format!("  help: {help}"));
     }
 }
 
