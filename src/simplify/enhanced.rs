@@ -191,8 +191,4 @@ impl Cost for Enhanced {
         let state = &mut self.points[point as usize];
         (state.quadric, state.volume) = (quadric, volume);
     }
-
-    fn grow(&mut self, surface: &Surface) {
-        self.points.resize(surface.points.len(), PointState::default());
-    }
 }
