@@ -1,6 +1,6 @@
 //! The presets that come with gltf-lod, embedded from `config/`.
 
-use super::layers::PresetFile;
+use super::file::PresetFile;
 use super::model::Keys;
 use super::source::Source;
 use std::sync::{Arc, OnceLock};

@@ -5,11 +5,12 @@
 //! comes later wins. A name in `extends` is looked up in the file itself, then in the files further out, then among the
 //! built-in presets.
 
+use super::expand::{Copy, Expansion, Layer, Step, check_names, slashed};
+use super::file::{NameConditions, PresetFile};
 use super::level::Levels;
-use super::model::{self, Keys};
-use super::pattern::{NamePattern, PathPattern};
-use super::source::{Source, reword, suggest};
-use super::value::{OneOrMore, Placed};
+use super::model::{Algorithm, Keys};
+use super::source::{Source, reword};
+use super::value::Placed;
 use super::{Coverage, Settings, builtin, settings};
 use crate::error::{Error, Kind, Result};
 use std::collections::BTreeMap;
@@ -18,9 +19,6 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Name of the preset files in asset directories.
 pub const FILE_NAME: &str = "gltf-lod.toml";
-
-/// More presets than this behind one asset are no design but a knot (lists in `extends` can double at every step).
-const MOST_PRESETS: usize = 1000;
 
 /// All preset layers of a run. Files are read once; may be shared between threads.
 #[derive(Debug)]
@@ -65,63 +63,6 @@ pub struct MeshNames<'a> {
     pub materials: &'a [String],
 }
 
-/// Keys that hold where all conditions do. Conditions on paths are decided before a step is made.
-#[derive(Debug, Clone)]
-struct Step {
-    keys: Arc<Keys>,
-    conditions: Vec<Arc<NameConditions>>,
-    source: Arc<Source>,
-    /// The source's name in reports: no directory outside the input root.
-    label: Arc<str>,
-}
-
-#[derive(Debug, Clone)]
-struct Copy {
-    /// The directory that the patterns are relative to, below the input root.
-    directory: PathBuf,
-    patterns: Arc<Vec<PathPattern>>,
-}
-
-/// The conditions of a rule on names; an absent one always holds.
-#[derive(Debug, Default, PartialEq, serde::Serialize)]
-struct NameConditions {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    node: Option<OneOrMore<NamePattern>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    mesh: Option<OneOrMore<NamePattern>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    material: Option<OneOrMore<NamePattern>>,
-}
-
-/// A preset file, read and checked as far as it can be by itself.
-#[derive(Debug)]
-pub struct PresetFile {
-    /// What holds without being asked for by name.
-    pub body: Body,
-    /// What is defined for `extends` and `--preset`.
-    pub presets: BTreeMap<String, Body>,
-}
-
-/// What a file, a preset or a rule says.
-#[derive(Debug)]
-pub struct Body {
-    /// One line that says what it is for.
-    pub description: Option<String>,
-    /// The keys, without those of the presets it extends.
-    pub keys: Arc<Keys>,
-    source: Arc<Source>,
-    extends: Vec<Placed<String>>,
-    copy: Option<Arc<Vec<PathPattern>>>,
-    rules: Vec<Rule>,
-}
-
-#[derive(Debug)]
-struct Rule {
-    path: Option<Vec<PathPattern>>,
-    names: Option<Arc<NameConditions>>,
-    body: Body,
-}
-
 impl Presets {
     /// Reads `--config` and checks the flags; `--preset` is looked up for each asset, since files on its way may define it.
     ///
@@ -146,7 +87,7 @@ impl Presets {
             Error::new(Kind::Internal, message)
         })?;
         let layers = self.layers(root, below)?;
-        check_presets(&layers)?;
+        check_names(&layers)?;
         let mut expansion = Expansion::new(&layers);
         let refuse = |title: &str, help: &str| at_flag("--preset", title).help(help);
         for (at, layer) in layers.iter().enumerate().rev() {
@@ -210,7 +151,7 @@ fn read_flags(flags: &Flags) -> Result<Step> {
         keys.levels = Some(Placed { value: levels, span: 0..0 });
     }
     if let Some(name) = &flags.algorithm {
-        let algorithm = model::Algorithm::from_name(name).map_err(|message| {
+        let algorithm = Algorithm::from_name(name).map_err(|message| {
             let (title, help) = reword(&message, None);
             at_flag("--algorithm", &title).help(help.unwrap_or_default())
         })?;
@@ -231,20 +172,19 @@ impl AssetPresets {
     /// [`Kind::Preset`] where settings of different layers do not fit together (a list of coverages that is not as long as the levels).
     pub fn settings(&self, names: &MeshNames<'_>) -> Result<Settings> {
         let keys = self.keys(names);
-        self.check_together(&keys, names)?;
-        let mut settings = settings::resolve(&keys)?;
-        settings.skip = self.skip_reason(names);
-        Ok(settings)
+        let skip = self.skip_reason(names);
+        if skip.is_none() {
+            self.check_together(&keys, names)?;
+        }
+        Ok(Settings { skip, ..settings::resolve(&keys)? })
     }
 
     /// The same settings as JSON, in the spelling of preset files, for reports: every key, in a fixed order.
     ///
     /// # Errors
-    /// As [`AssetPresets::settings`].
+    /// [`Kind::Internal`] if JSON cannot express them, which it can.
     pub fn effective(&self, names: &MeshNames<'_>) -> Result<serde_json::Value> {
-        let keys = self.keys(names);
-        self.check_together(&keys, names)?;
-        serde_json::to_value(&keys).map_err(|error| Error::new(Kind::Internal, error.to_string()))
+        serde_json::to_value(self.keys(names)).map_err(|error| Error::new(Kind::Internal, error.to_string()))
     }
 
     /// BLAKE3 of what the layers say for this asset, hex: part of the report and of cache keys. Neither formatting nor comments
@@ -258,10 +198,7 @@ impl AssetPresets {
 
     /// Whether the file at `relative` (to the input root), which is not glTF, is copied to the output.
     pub fn copies(&self, relative: &Path) -> bool {
-        let Some(copy) = &self.copy else { return false };
-        let Ok(below) = relative.strip_prefix(&copy.directory) else { return false };
-        let path = slashed(below);
-        copy.patterns.iter().any(|pattern| pattern.matches(&path))
+        self.copy.as_ref().is_some_and(|copy| copy.holds(relative))
     }
 
     fn steps_for<'a>(&'a self, names: &'a MeshNames<'_>) -> impl DoubleEndedIterator<Item = &'a Step> {
@@ -321,211 +258,4 @@ impl AssetPresets {
         let line = step.source.position(skip.span.start).0;
         skip.value.then(|| format!("`skip` in {}, line {line}", step.label))
     }
-}
-
-impl NameConditions {
-    fn hold(&self, names: &MeshNames<'_>) -> bool {
-        let matches = |patterns: &Option<OneOrMore<NamePattern>>, names: &[&str]| {
-            patterns
-                .as_ref()
-                .is_none_or(|patterns| patterns.0.iter().any(|pattern| names.iter().any(|name| pattern.matches(name))))
-        };
-        matches(&self.mesh, &[names.mesh.unwrap_or_default()])
-            && matches(&self.node, &as_strs(names.nodes))
-            && matches(&self.material, &as_strs(names.materials))
-    }
-}
-
-fn as_strs(names: &[String]) -> Vec<&str> {
-    names.iter().map(String::as_str).collect()
-}
-
-impl PresetFile {
-    /// Reads a preset file.
-    ///
-    /// # Errors
-    /// [`Kind::Preset`], pointing at the place.
-    pub fn parse(source: Source) -> Result<Self> {
-        let source = Arc::new(source);
-        let file: model::File = source.parse()?;
-        let mut presets = BTreeMap::new();
-        for (name, preset) in file.preset.iter().flatten() {
-            if builtin::is_name(&name.value) {
-                let title = format!("`{}` is a built-in preset", name.value);
-                return Err(source.error(
-                    name.span.clone(),
-                    &title,
-                    Some("choose another name; it can build on it with `extends`"),
-                ));
-            }
-            let model::Preset { description, extends, copy, rule, .. } = preset;
-            presets.insert(name.value.clone(), read_body(&source, description, extends, preset.keys(), copy, rule)?);
-        }
-        let model::File { description, extends, copy, rule, .. } = &file;
-        Ok(Self { body: read_body(&source, description, extends, file.keys(), copy, rule)?, presets })
-    }
-}
-
-fn read_body(
-    source: &Arc<Source>,
-    description: &Option<String>,
-    extends: &Option<Placed<OneOrMore<String>>>,
-    keys: Keys,
-    copy: &Option<OneOrMore<PathPattern>>,
-    rules: &Option<model::Rules>,
-) -> Result<Body> {
-    Ok(Body {
-        description: description.clone(),
-        source: source.clone(),
-        extends: read_extends(source, extends),
-        keys: Arc::new(keys),
-        copy: copy.as_ref().map(|copy| Arc::new(copy.0.clone())),
-        rules: read_rules(source, rules)?,
-    })
-}
-
-fn read_rules(source: &Arc<Source>, rules: &Option<model::Rules>) -> Result<Vec<Rule>> {
-    rules.iter().flat_map(|rules| &rules.0).map(|rule| read_rule(source, rule)).collect()
-}
-
-fn read_rule(source: &Arc<Source>, rule: &Placed<model::Rule>) -> Result<Rule> {
-    let model::Rule { path, node, mesh, material, extends, .. } = &rule.value;
-    let keys = rule.value.keys();
-    let names = NameConditions { node: node.clone(), mesh: mesh.clone(), material: material.clone() };
-    if path.is_none() && names == NameConditions::default() {
-        let help = "add `path`, `node`, `mesh` or `material`; what holds everywhere goes to the top of the file";
-        return Err(source.error(rule.span.clone(), "this rule has no condition", Some(help)));
-    }
-    if extends.is_none() && keys == Keys::default() {
-        let help = "add a key such as `levels`, `extends` or `skip = true`";
-        return Err(source.error(rule.span.clone(), "this rule sets nothing", Some(help)));
-    }
-    Ok(Rule {
-        path: path.as_ref().map(|path| path.0.clone()),
-        names: (names != NameConditions::default()).then(|| Arc::new(names)),
-        body: read_body(source, &None, extends, keys, &None, &None)?,
-    })
-}
-
-/// The names in `extends`, each with its own place where the text shows it.
-fn read_extends(source: &Source, extends: &Option<Placed<OneOrMore<String>>>) -> Vec<Placed<String>> {
-    let Some(extends) = extends else { return Vec::new() };
-    let place = |name: &str| source.find_string(&extends.span, name).unwrap_or_else(|| extends.span.clone());
-    extends.value.0.iter().map(|name| Placed { value: name.clone(), span: place(name) }).collect()
-}
-
-/// A preset file with what its patterns are relative to.
-struct Layer {
-    file: Arc<PresetFile>,
-    /// Below the input root.
-    directory: PathBuf,
-    /// The asset's path below `directory`.
-    asset: String,
-    label: Arc<str>,
-}
-
-impl Layer {
-    fn new(file: Arc<PresetFile>, directory: &Path, asset: &Path, label: &str) -> Self {
-        let below = asset.strip_prefix(directory).unwrap_or(asset);
-        Self { file, directory: directory.to_owned(), asset: slashed(below), label: label.into() }
-    }
-}
-
-/// Writes out layers, with all they extend, as steps.
-struct Expansion<'a> {
-    /// Nearest first; the built-in presets are the last.
-    layers: &'a [Layer],
-    steps: Vec<Step>,
-    copy: Option<Copy>,
-    /// The presets being written out, outermost first, by layer and name.
-    open: Vec<(usize, &'a str)>,
-    /// How many presets have been written out.
-    presets: usize,
-}
-
-impl<'a> Expansion<'a> {
-    fn new(layers: &'a [Layer]) -> Self {
-        Self { layers, steps: Vec::new(), copy: None, open: Vec::new(), presets: 0 }
-    }
-
-    /// The keys, copies and rules of `body`, which stands in layer `at` and holds under `conditions`.
-    fn add(&mut self, at: usize, body: &'a Body, conditions: &[Arc<NameConditions>]) -> Result<()> {
-        for name in &body.extends {
-            let unknown = |title: &str, help: &str| body.source.error(name.span.clone(), title, Some(help));
-            self.add_preset(at, &name.value, conditions, &unknown)?;
-        }
-        let layer = &self.layers[at];
-        self.steps.push(Step {
-            keys: body.keys.clone(),
-            conditions: conditions.to_vec(),
-            source: body.source.clone(),
-            label: layer.label.clone(),
-        });
-        if let Some(patterns) = &body.copy {
-            self.copy = Some(Copy { directory: layer.directory.clone(), patterns: patterns.clone() });
-        }
-        for rule in body.rules.iter().filter(|rule| rule.holds_for_path(&layer.asset)) {
-            let conditions: Vec<_> = conditions.iter().chain(&rule.names).cloned().collect();
-            self.add(at, &rule.body, &conditions)?;
-        }
-        Ok(())
-    }
-
-    /// The preset `name`, seen from layer `from`. `refuse` makes an error, from title and help, at the place that asks for it.
-    fn add_preset(
-        &mut self,
-        from: usize,
-        name: &str,
-        conditions: &[Arc<NameConditions>],
-        refuse: &dyn Fn(&str, &str) -> Error,
-    ) -> Result<()> {
-        let layers = self.layers;
-        let found = layers.iter().enumerate().skip(from).find_map(|(at, layer)| {
-            let (name, body) = layer.file.presets.get_key_value(name)?;
-            Some((at, name.as_str(), body))
-        });
-        let Some((at, name, body)) = found else {
-            let names = layers.iter().skip(from).rev().flat_map(|layer| layer.file.presets.keys());
-            return Err(refuse(&format!("unknown preset `{name}`"), &suggest(name, names.map(String::as_str))));
-        };
-        if let Some(first) = self.open.iter().position(|&open| open == (at, name)) {
-            let circle: Vec<&str> = self.open.iter().skip(first).map(|(_, name)| *name).chain([name]).collect();
-            return Err(refuse(
-                &format!("presets extend each other in a circle: {}", circle.join(" → ")),
-                "remove one `extends`",
-            ));
-        }
-        self.presets += 1;
-        if self.presets > MOST_PRESETS {
-            return Err(refuse(&format!("more than {MOST_PRESETS} presets behind one"), "extend fewer presets"));
-        }
-        self.open.push((at, name));
-        self.add(at, body, conditions)?;
-        self.open.pop();
-        Ok(())
-    }
-}
-
-/// Finds unknown names and circles, also in presets that nothing uses yet.
-fn check_presets(layers: &[Layer]) -> Result<()> {
-    for (at, layer) in layers.iter().enumerate() {
-        for (name, body) in &layer.file.presets {
-            let mut expansion = Expansion::new(layers);
-            expansion.open.push((at, name));
-            expansion.add(at, body, &[])?;
-        }
-    }
-    Ok(())
-}
-
-impl Rule {
-    fn holds_for_path(&self, path: &str) -> bool {
-        self.path.as_ref().is_none_or(|patterns| patterns.iter().any(|pattern| pattern.matches(path)))
-    }
-}
-
-/// `path` with `/` between directories on every system.
-fn slashed(path: &Path) -> String {
-    let parts: Vec<_> = path.components().map(|part| part.as_os_str().to_string_lossy()).collect();
-    parts.join("/")
 }

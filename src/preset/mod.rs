@@ -15,6 +15,8 @@
 //! ```
 
 mod builtin;
+mod expand;
+mod file;
 mod layers;
 mod level;
 mod model;

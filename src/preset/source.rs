@@ -6,7 +6,8 @@
 use crate::error::{Error, Kind, Result};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use serde::de::DeserializeOwned;
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,9 @@ const LARGEST_FILE: usize = 1 << 20;
 
 /// Longer words are no slips of the finger.
 const LONGEST_WORD: usize = 40;
+
+/// More names are no help.
+const MOST_NAMES: usize = 40;
 
 /// What people write first, and the key that does it.
 const OTHER_WORDS: [(&str, &str); 6] = [
@@ -44,11 +48,10 @@ impl Source {
     /// # Errors
     /// [`Kind::Io`]; [`Kind::Limit`] above 1 MiB; [`Kind::Preset`] for text that is not UTF-8.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        let bytes = match read_at_most(path, LARGEST_FILE) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(Error::io(path, &error)),
-        };
+        if path.symlink_metadata().is_err_and(|error| error.kind() == ErrorKind::NotFound) {
+            return Ok(None);
+        }
+        let bytes = read_at_most(path, LARGEST_FILE).map_err(|error| Error::io(path, &error))?;
         if bytes.len() > LARGEST_FILE {
             let message = format!("a preset of more than {LARGEST_FILE} bytes");
             return Err(Error::new(Kind::Limit, message).in_file(path));
@@ -125,10 +128,13 @@ impl Source {
     }
 }
 
-fn read_at_most(path: &Path, limit: usize) -> std::io::Result<Vec<u8>> {
-    use std::io::Read;
+/// The file's bytes, or one more than `limit` of them. A pipe is refused: reading it could wait for ever.
+fn read_at_most(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
+    if !path.metadata()?.is_file() {
+        return Err(io::Error::new(ErrorKind::InvalidInput, "not a regular file"));
+    }
     let mut bytes = Vec::new();
-    std::fs::File::open(path)?.take(limit as u64 + 1).read_to_end(&mut bytes)?;
+    File::open(path)?.take(limit as u64 + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
@@ -181,8 +187,9 @@ pub fn suggest<'a>(written: &str, names: impl IntoIterator<Item = &'a str>) -> S
     match nearest(written, &names) {
         Some(name) => format!("did you mean `{name}`?"),
         None => {
-            let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-            format!("there is {}", quoted.join(", "))
+            let quoted: Vec<String> = names.iter().take(MOST_NAMES).map(|name| format!("`{name}`")).collect();
+            let more = if names.len() > MOST_NAMES { ", …" } else { "" };
+            format!("there is {}{more}", quoted.join(", "))
         }
     }
 }
