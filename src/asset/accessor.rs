@@ -391,7 +391,8 @@ mod tests {
 
     #[test]
     fn integers_are_read_plain_and_normalised() {
-        let cases: [(u32, &[u8], [f32; 2], [f32; 2]); 4] = [
+        type Case = (u32, &'static [u8], [f32; 2], [f32; 2]);
+        let cases: [Case; 4] = [
             (5120, &[0x81, 0x7f], [-127.0, 127.0], [-1.0, 1.0]),
             (5121, &[0, 255], [0.0, 255.0], [0.0, 1.0]),
             (5122, &[0x00, 0x80, 0xff, 0x7f], [-32768.0, 32767.0], [-1.0, 1.0]),

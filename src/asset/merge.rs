@@ -205,7 +205,11 @@ impl Merger<'_> {
         let mesh = &mut self.geometry.mesh;
         let group = self.geometry.primitives.len() as u32;
         let first = first as u32;
-        mesh.triangles.extend(faces.triangles.iter().map(|t| t.map(|corner| first + corner)));
+        if mesh.triangles.is_empty() && first == 0 {
+            mesh.triangles = faces.triangles;
+        } else {
+            mesh.triangles.extend(faces.triangles.iter().map(|t| t.map(|corner| first + corner)));
+        }
         mesh.groups.resize(mesh.triangles.len(), group);
         let layouts = |target, sources: &[Source]| sources.iter().filter_map(|s| self.plan.layout(target, s)).collect();
         self.geometry.primitives.push(PrimitiveLayout {
