@@ -1,24 +1,366 @@
 //! meshoptimizer at the same triangle count: what every level of ours is compared with.
+//!
+//! The whole mesh goes in as one index buffer, so that group borders are seams and stay closed. Vertices that are equal in
+//! everything are merged first, as the library's manual asks: otherwise it takes each of them for a seam.
 
 use crate::error::{Error, Kind, Result};
-use crate::mesh::Mesh;
+use crate::measure::{Ruler, Sampling};
+use crate::mesh::{Mesh, Semantic};
+use crate::meshoptimizer::{self, Flags, Input, MAX_ATTRIBUTES};
+use glam::{DVec2, DVec3, Vec3};
 
 /// meshoptimizer's result for one target.
 #[derive(Debug, Clone)]
 pub struct Baseline {
     /// The simplified mesh.
     pub mesh: Mesh,
-    /// The settings that gave it, e.g. `attributes` or `attributes+permissive+prune`.
+    /// The settings that gave it, e.g. `attributes` or `attributes+permissive+prune`: [`Settings::name`].
     pub settings: &'static str,
     /// Whether the triangle target was met (within 1 % + 2 triangles).
     pub reached: bool,
 }
 
+/// How to run meshoptimizer. The default is its plainest mode.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Settings {
+    /// Normals, colours and texture coordinates count, not only positions. Without any of them in the mesh: no effect.
+    pub attributes: bool,
+    /// Edges may collapse across seams, but not across group borders.
+    pub permissive: bool,
+    /// Small disconnected parts may vanish.
+    pub prune: bool,
+    /// Vertices move and attributes change for the best fit, instead of a choice among the source's vertices.
+    pub update: bool,
+}
+
+impl Settings {
+    /// What the settings are called in reports.
+    pub fn name(self) -> &'static str {
+        match (self.attributes, self.permissive, self.prune, self.update) {
+            (false, false, false, false) => "plain",
+            (false, false, false, true) => "update",
+            (false, false, true, false) => "prune",
+            (false, false, true, true) => "prune+update",
+            (false, true, false, false) => "permissive",
+            (false, true, false, true) => "permissive+update",
+            (false, true, true, false) => "permissive+prune",
+            (false, true, true, true) => "permissive+prune+update",
+            (true, false, false, false) => "attributes",
+            (true, false, false, true) => "attributes+update",
+            (true, false, true, false) => "attributes+prune",
+            (true, false, true, true) => "attributes+prune+update",
+            (true, true, false, false) => "attributes+permissive",
+            (true, true, false, true) => "attributes+permissive+update",
+            (true, true, true, false) => "attributes+permissive+prune",
+            (true, true, true, true) => "attributes+permissive+prune+update",
+        }
+    }
+
+    fn flags(self) -> Flags {
+        let flag = |on: bool, flag: Flags| if on { flag } else { Flags::None };
+        flag(self.permissive, Flags::Permissive) | flag(self.prune, Flags::Prune)
+    }
+}
+
 /// Simplifies the whole of `mesh` (all groups as one index buffer, so that group borders are seams) to `triangles` by
-/// meshoptimizer's best comparable settings.
+/// meshoptimizer's best comparable settings: see [`simplify_by`].
 ///
 /// # Errors
 /// [`Kind::Malformed`] when an index of `mesh` is out of range or an array has the wrong length.
-pub fn simplify(_mesh: &Mesh, _triangles: usize) -> Result<Baseline> {
-    Err(Error::new(Kind::Unsupported, "not there yet"))
+pub fn simplify(mesh: &Mesh, triangles: usize) -> Result<Baseline> {
+    check_lengths(mesh)?;
+    simplify_by(mesh, triangles, &Ruler::new(mesh, Sampling::for_triangles(triangles)))
+}
+
+/// [`simplify`] with a ruler at hand, made for `mesh`.
+///
+/// Attributes are always on. Runs with and without `permissive`, with and without `update`; if none of the four meets the target,
+/// `permissive+prune` as well, with and without `update`. Among those that meet it, the one with the smallest two-sided RMS distance wins; if
+/// none does, the one that comes closest.
+///
+/// # Errors
+/// As [`simplify`].
+pub fn simplify_by(mesh: &Mesh, triangles: usize, ruler: &Ruler) -> Result<Baseline> {
+    let prepared = Prepared::new(mesh)?;
+    let base = Settings { attributes: !prepared.weights.is_empty(), ..Settings::default() };
+    let permissive = Settings { permissive: true, ..base };
+    let mut found = Vec::new();
+    for stage in [&[base, permissive][..], &[Settings { prune: true, ..permissive }]] {
+        for &settings in stage {
+            for update in [false, true] {
+                let baseline = prepared.run(triangles, Settings { update, ..settings })?;
+                if !found.iter().any(|other: &Baseline| other.mesh == baseline.mesh) {
+                    found.push(baseline);
+                }
+            }
+        }
+        if found.iter().any(|baseline| baseline.reached) {
+            break;
+        }
+    }
+    let best_miss = found.iter().map(|b| miss(b, triangles)).min().unwrap_or(0);
+    found.retain(|b| if best_miss == 0 { b.reached } else { miss(b, triangles) == best_miss });
+    if found.len() > 1 {
+        let rms: Vec<f64> = found.iter().map(|b| ruler.measure(&b.mesh).rms()).collect();
+        let best = (0..found.len()).min_by(|&a, &b| rms[a].total_cmp(&rms[b])).unwrap_or(0);
+        found.swap(0, best);
+    }
+    found.into_iter().next().ok_or_else(|| Error::new(Kind::Internal, "no settings were tried"))
+}
+
+/// Simplifies `mesh` to `triangles` by these settings alone. Give it the level before instead of the source for a chain.
+///
+/// # Errors
+/// As [`simplify`].
+pub fn simplify_with(mesh: &Mesh, triangles: usize, settings: Settings) -> Result<Baseline> {
+    Prepared::new(mesh)?.run(triangles, settings)
+}
+
+/// Triangles that a result is away from the target; 0 if it counts as met.
+fn miss(baseline: &Baseline, target: usize) -> usize {
+    if baseline.reached { 0 } else { baseline.mesh.triangles.len().abs_diff(target) }
+}
+
+/// A mesh as the library wants it.
+struct Prepared {
+    mesh: Mesh,
+    /// The group of each vertex.
+    groups: Vec<u32>,
+    /// Whether the position of each vertex belongs to several groups.
+    protected: Vec<bool>,
+    channels: Vec<Channel>,
+    /// The channels' values, vertex by vertex, and their weights.
+    values: Vec<f32>,
+    weights: Vec<f32>,
+}
+
+/// An attribute that counts: its place in [`Mesh::attributes`], and the numbers of it that count.
+struct Channel {
+    attribute: usize,
+    width: usize,
+}
+
+impl Prepared {
+    fn new(mesh: &Mesh) -> Result<Self> {
+        check_lengths(mesh)?;
+        let mesh = merge_equal_vertices(&separate_groups(mesh));
+        let groups = find_vertex_groups(&mesh);
+        let (channels, weights) = weigh_attributes(&mesh);
+        let mut values = Vec::with_capacity(mesh.positions.len() * weights.len());
+        for vertex in 0..mesh.positions.len() {
+            for channel in &channels {
+                let attribute = &mesh.attributes[channel.attribute];
+                values.extend(&attribute.values[vertex * attribute.width..][..channel.width]);
+            }
+        }
+        let protected = find_group_borders(&mesh, &groups);
+        Ok(Self { mesh, groups, protected, channels, values, weights })
+    }
+
+    fn run(&self, target: usize, settings: Settings) -> Result<Baseline> {
+        let (values, weights) = if settings.attributes { (&*self.values, &*self.weights) } else { Default::default() };
+        let input = Input {
+            positions: &self.mesh.positions,
+            triangles: &self.mesh.triangles,
+            attributes: values,
+            weights,
+            protected: &self.protected,
+        };
+        let flags = settings.flags();
+        let mesh = if settings.update {
+            let updated = meshoptimizer::simplify_with_update(&input, target, flags)?;
+            let mut source = Mesh { positions: updated.positions, ..self.mesh.clone() };
+            self.store_values(&mut source, &updated.attributes, weights.len());
+            extract(&source, updated.triangles, &self.groups)
+        } else {
+            extract(&self.mesh, meshoptimizer::simplify(&input, target, flags)?, &self.groups)
+        };
+        let reached = mesh.triangles.len().abs_diff(target) <= target / 100 + 2;
+        Ok(Baseline { mesh, settings: settings.name(), reached })
+    }
+
+    /// Puts the `width` values of each vertex back into the attributes they came from.
+    fn store_values(&self, mesh: &mut Mesh, values: &[f32], width: usize) {
+        let mut start = 0;
+        for channel in self.channels.iter().take_while(|_| width > 0) {
+            let attribute = &mut mesh.attributes[channel.attribute];
+            for (old, new) in attribute.values.chunks_exact_mut(attribute.width).zip(values.chunks_exact(width)) {
+                old[..channel.width].copy_from_slice(&new[start..start + channel.width]);
+                if attribute.semantic == Semantic::Normal {
+                    let unit = Vec3::from_slice(old).normalize_or_zero();
+                    old[..3].copy_from_slice(&unit.to_array());
+                }
+            }
+            start += channel.width;
+        }
+    }
+}
+
+/// The attributes that count, with meshoptimizer's own proportions (its `gltfpack` gives normals 0.5 and colours 1, where 1 is a position
+/// error as large as the mesh). Texture coordinates: a slip costs what the same distance on the surface would.
+fn weigh_attributes(mesh: &Mesh) -> (Vec<Channel>, Vec<f32>) {
+    let mut channels = Vec::new();
+    let mut weights = Vec::new();
+    for (index, attribute) in mesh.attributes.iter().enumerate() {
+        let (width, weight) = match attribute.semantic {
+            Semantic::Normal => (3, 0.5),
+            Semantic::Color(_) => (attribute.width, 1.0),
+            Semantic::TexCoord(_) if attribute.width == 2 => (2, weigh_tex_coords(mesh, &attribute.values)),
+            _ => continue,
+        };
+        if width <= attribute.width && weight > 0.0 && weights.len() + width <= MAX_ATTRIBUTES {
+            channels.push(Channel { attribute: index, width });
+            weights.extend(std::iter::repeat_n(weight, width));
+        }
+    }
+    (channels, weights)
+}
+
+/// Surface length, as a share of the mesh's extent, of a unit of UV; 0 where there is no UV area.
+fn weigh_tex_coords(mesh: &Mesh, values: &[f32]) -> f32 {
+    let position = |v: u32| DVec3::from(mesh.positions[v as usize].map(f64::from));
+    let tex_coord = |v: u32| DVec2::from([0, 1].map(|i| f64::from(values[v as usize * 2 + i])));
+    let (mut surface, mut chart) = (0.0, 0.0);
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(position);
+        surface += (b - a).cross(c - a).length();
+        let [a, b, c] = t.map(tex_coord);
+        chart += (b - a).perp_dot(c - a).abs();
+    }
+    let (lo, hi) = mesh.bounds();
+    let extent = f64::from((hi - lo).max_element());
+    let weight = (surface / chart).sqrt() / extent;
+    if weight.is_finite() { weight as f32 } else { 0.0 }
+}
+
+/// The triangles with the vertices they use. A triangle that got vertices of several groups goes to the commonest, with copies of the
+/// others.
+fn extract(mesh: &Mesh, mut triangles: Vec<[u32; 3]>, vertex_groups: &[u32]) -> Mesh {
+    let group = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| vertex_groups[v as usize]);
+        if b == c { b } else { a }
+    };
+    let groups = if mesh.groups.is_empty() { Vec::new() } else { triangles.iter().map(group).collect() };
+    let old = meshoptimizer::renumber_by_use(&mut triangles, mesh.positions.len());
+    separate_groups(&Mesh { triangles, groups, ..gather_vertices(mesh, &old) })
+}
+
+/// Gives each group its own copy of the vertices that several groups share.
+fn separate_groups(mesh: &Mesh) -> Mesh {
+    if mesh.groups.is_empty() {
+        return mesh.clone();
+    }
+    let mut uses: Vec<(u32, u32, u32)> = mesh
+        .triangles
+        .as_flattened()
+        .iter()
+        .enumerate()
+        .map(|(corner, &v)| (v, mesh.groups[corner / 3], corner as u32))
+        .collect();
+    uses.sort_unstable();
+    let mut old: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    let mut triangles = mesh.triangles.clone();
+    for of_vertex in uses.chunk_by(|a, b| a.0 == b.0) {
+        for of_group in of_vertex.chunk_by(|a, b| a.1 == b.1).skip(1) {
+            of_group.iter().for_each(|&(.., corner)| triangles.as_flattened_mut()[corner as usize] = old.len() as u32);
+            old.push(of_group[0].0);
+        }
+    }
+    Mesh { triangles, groups: mesh.groups.clone(), ..gather_vertices(mesh, &old) }
+}
+
+/// Makes one of all vertices that are equal in every array and group; drops unused ones.
+fn merge_equal_vertices(mesh: &Mesh) -> Mesh {
+    let groups = find_vertex_groups(mesh);
+    let words = |v: usize| {
+        let mut words = vec![groups[v]];
+        let mut add = |values: &[f32], width: usize| {
+            words.extend(values[v * width..][..width].iter().map(|x| (x + 0.0).to_bits()))
+        };
+        add(mesh.positions.as_flattened(), 3);
+        mesh.attributes.iter().for_each(|a| add(&a.values, a.width));
+        if let Some(skin) = &mesh.skin {
+            add(&skin.weights, skin.influences);
+            words.extend(skin.joints[v * skin.influences..][..skin.influences].iter().map(|&j| u32::from(j)));
+        }
+        words
+    };
+    let keys: Vec<Vec<u32>> = (0..mesh.positions.len()).map(words).collect();
+    let mut order: Vec<u32> = (0..keys.len() as u32).collect();
+    order.sort_unstable_by(|&a, &b| keys[a as usize].cmp(&keys[b as usize]).then(a.cmp(&b)));
+    let mut first = vec![0; keys.len()];
+    for equal in order.chunk_by(|&a, &b| keys[a as usize] == keys[b as usize]) {
+        equal.iter().for_each(|&v| first[v as usize] = equal[0]);
+    }
+    let mut triangles: Vec<_> = mesh.triangles.iter().map(|t| t.map(|v| first[v as usize])).collect();
+    let old = meshoptimizer::renumber_by_use(&mut triangles, keys.len());
+    Mesh { triangles, groups: mesh.groups.clone(), ..gather_vertices(mesh, &old) }
+}
+
+/// The vertex arrays of a mesh whose vertex `i` is `old[i]` of this one; no triangles.
+fn gather_vertices(mesh: &Mesh, old: &[u32]) -> Mesh {
+    let mut gathered =
+        Mesh { positions: gather(mesh.positions.as_flattened(), 3, old).as_chunks().0.to_vec(), ..Mesh::default() };
+    gathered.attributes.clone_from(&mesh.attributes);
+    for attribute in &mut gathered.attributes {
+        attribute.values = gather(&attribute.values, attribute.width, old);
+    }
+    gathered.skin.clone_from(&mesh.skin);
+    if let Some(skin) = &mut gathered.skin {
+        skin.joints = gather(&skin.joints, skin.influences, old);
+        skin.weights = gather(&skin.weights, skin.influences, old);
+    }
+    gathered
+}
+
+fn gather<T: Copy>(values: &[T], width: usize, old: &[u32]) -> Vec<T> {
+    old.iter().flat_map(|&v| &values[v as usize * width..][..width]).copied().collect()
+}
+
+fn find_vertex_groups(mesh: &Mesh) -> Vec<u32> {
+    let mut groups = vec![0; mesh.positions.len()];
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        triangle.iter().for_each(|&v| groups[v as usize] = mesh.group(t));
+    }
+    groups
+}
+
+/// Vertices whose position belongs to more than one group.
+fn find_group_borders(mesh: &Mesh, groups: &[u32]) -> Vec<bool> {
+    let key = |v: u32| mesh.positions[v as usize].map(|x| (x + 0.0).to_bits());
+    let mut order: Vec<u32> = (0..groups.len() as u32).collect();
+    order.sort_unstable_by_key(|&v| (key(v), v));
+    let mut border = vec![false; groups.len()];
+    for same in order.chunk_by(|&a, &b| key(a) == key(b)) {
+        let mixed = same.iter().any(|&v| groups[v as usize] != groups[same[0] as usize]);
+        same.iter().for_each(|&v| border[v as usize] = mixed);
+    }
+    border
+}
+
+fn check_lengths(mesh: &Mesh) -> Result<()> {
+    let vertices = mesh.positions.len();
+    let expect = |what: &str, found: usize, width: usize, count: usize| {
+        if Some(found) == count.checked_mul(width) {
+            return Ok(());
+        }
+        Err(Error::new(Kind::Malformed, format!("{what} has {found} values, expected {width} for each of {count}")))
+    };
+    for attribute in &mesh.attributes {
+        expect(&format!("attribute {:?}", attribute.semantic), attribute.values.len(), attribute.width, vertices)?;
+    }
+    if let Some(skin) = &mesh.skin {
+        expect("skin.joints", skin.joints.len(), skin.influences, vertices)?;
+        expect("skin.weights", skin.weights.len(), skin.influences, vertices)?;
+    }
+    if !mesh.groups.is_empty() {
+        expect("groups", mesh.groups.len(), 1, mesh.triangles.len())?;
+    }
+    match mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= vertices)) {
+        Some(t) => Err(Error::new(
+            Kind::Malformed,
+            format!("triangle {t} has the vertices {:?}, but there are {vertices}", mesh.triangles[t]),
+        )),
+        None => Ok(()),
+    }
 }

@@ -2,6 +2,7 @@
 
 pub mod asset;
 pub mod baseline;
+mod bvh;
 pub mod emit;
 pub mod error;
 pub mod measure;

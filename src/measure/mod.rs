@@ -1,10 +1,36 @@
 //! The ruler: how far a level is from its source. The same code measures our levels and the baseline's.
+//!
+//! Distances are exact point-to-triangle distances in f64, from area-uniform stratified samples (means) and besides
+//! from all vertices, points along open borders and a lattice on the worst faces (maxima), in both directions. A given
+//! source, level and sampling always give the same numbers, whatever the number of threads.
+//!
+//! Limits: a maximum between the points looked at is missed; means carry the noise of the sampling (about 1 % at
+//! 50 000 samples).
 
+mod appearance;
+mod distance;
+mod gaps;
+mod quality;
+mod sample;
+mod surface;
+mod topology;
+
+use crate::bvh::Bvh;
 use crate::mesh::Mesh;
+use appearance::Appearance;
+use distance::measure_distance;
+use surface::Surface;
 
 /// A source mesh made ready for measuring many levels against it.
 #[derive(Debug)]
-pub struct Ruler {}
+pub struct Ruler {
+    sampling: Sampling,
+    source: Surface,
+    appearance: Appearance,
+    border: Option<Bvh>,
+    diagonal: f64,
+    bounding_radius: f64,
+}
 
 /// How to sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -86,14 +112,105 @@ impl Default for Sampling {
     }
 }
 
-impl Ruler {
-    /// Prepares `source`: welds it, samples it, builds its tree.
-    pub fn new(_source: &Mesh, _sampling: Sampling) -> Self {
-        Self {}
-    }
-
-    /// Measures `level` against the source.
-    pub fn measure(&self, _level: &Mesh) -> Measurement {
-        Measurement::default()
+impl Sampling {
+    /// As many samples as a mesh of this size needs: 8 a triangle, but no fewer than 10 000 and no more than the
+    /// default. Means of small meshes then carry about 2 % of noise.
+    pub fn for_triangles(triangles: usize) -> Self {
+        let full = Self::default();
+        Self { samples: triangles.saturating_mul(8).clamp(10_000, full.samples), ..full }
     }
 }
+
+impl Ruler {
+    /// Prepares `source`: welds it, samples it, builds its tree.
+    ///
+    /// # Panics
+    /// When an index is out of range or an attribute's array is too short. Positions must be finite.
+    pub fn new(source: &Mesh, sampling: Sampling) -> Self {
+        let surface = Surface::new(source, sampling);
+        let (diagonal, bounding_radius) = measure_extent(&surface);
+        Self {
+            sampling,
+            appearance: Appearance::new(source, &surface),
+            border: gaps::grow_border_tree(source, &surface.topology),
+            source: surface,
+            diagonal,
+            bounding_radius,
+        }
+    }
+
+    /// Measures `level` against the source. Figures that cannot be had are 0 or `None`, never NaN; of two empty meshes all are.
+    /// If only the level is empty, the distances to it are the source's diagonal: everything that was there is gone. The same
+    /// the other way round, with the level's diagonal.
+    ///
+    /// Where the level has faces back to back, the one that looks the source's way counts for angles and flips. UV distances
+    /// are taken within the same group; where the closest point may lie across a seam, the best match within 0.1 % of the
+    /// diagonal counts.
+    ///
+    /// # Panics
+    /// When an index is out of range or an attribute's array is too short. Positions must be finite.
+    pub fn measure(&self, level: &Mesh) -> Measurement {
+        let surface = Surface::new(level, self.sampling);
+        let mut result = Measurement {
+            triangles: level.triangles.len(),
+            vertices: level.positions.len(),
+            diagonal: self.diagonal,
+            nonmanifold_edges: surface.topology.nonmanifold_edges,
+            ..Measurement::default()
+        };
+        match (self.source.triangles.is_empty(), level.triangles.is_empty()) {
+            (true, true) => {}
+            (false, true) => result.to_level = Distance::everywhere(self.diagonal),
+            (true, false) => result.to_source = Distance::everywhere(measure_extent(&surface).0),
+            (false, false) => self.compare(level, &surface, &mut result),
+        }
+        result
+    }
+
+    /// Length of the diagonal of the source's bounding box, over the vertices that triangles use; 0 for an empty source.
+    pub fn diagonal(&self) -> f64 {
+        self.diagonal
+    }
+
+    /// Radius of the sphere about the centre of the source's bounding box that just holds the source; at most half the
+    /// diagonal. 0 for an empty source.
+    pub fn bounding_radius(&self) -> f64 {
+        self.bounding_radius
+    }
+
+    fn compare(&self, level: &Mesh, surface: &Surface, result: &mut Measurement) {
+        let (to_level, hits) = measure_distance(&self.source, &surface.bvh);
+        result.to_level = to_level;
+        result.to_source = measure_distance(surface, &self.source.bvh).0;
+        self.appearance.compare(&self.source, level, surface, &hits, self.diagonal, result);
+        quality::judge_faces(&self.source, surface, self.diagonal, result);
+        result.gap_edges = gaps::count_gaps(
+            &self.source.border,
+            self.border.as_ref(),
+            level,
+            &surface.topology,
+            result.hausdorff(),
+            self.diagonal,
+        );
+    }
+}
+
+impl Distance {
+    fn everywhere(distance: f64) -> Self {
+        Self { max: distance, rms: distance, mean: distance }
+    }
+}
+
+/// Diagonal of the bounding box, and radius of the bounding sphere about the box's centre.
+fn measure_extent(surface: &Surface) -> (f64, f64) {
+    let points = &surface.vertices;
+    let Some((lo, hi)) = points.iter().map(|&p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        return (0.0, 0.0);
+    };
+    let centre = (lo + hi) / 2.0;
+    let radius = points.iter().map(|p| p.distance(centre)).fold(0.0, f64::max);
+    (lo.distance(hi), radius)
+}
+
+#[cfg(test)]
+mod tests;
