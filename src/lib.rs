@@ -1,8 +1,10 @@
 //! Builds measured levels of detail into glTF files.
 
 pub mod asset;
+mod attributes;
 pub mod baseline;
 mod bvh;
+mod curvature;
 pub mod emit;
 pub mod error;
 pub mod measure;
