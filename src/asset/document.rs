@@ -102,8 +102,11 @@ impl Document {
         let mut text = Vec::new();
         let formatter = serde_json::ser::PrettyFormatter::with_indent(indent.as_bytes());
         let mut serializer = serde_json::Serializer::with_formatter(&mut text, formatter);
-        self.root.serialize(&mut serializer).expect("a JSON value always serialises into memory");
-        text.push(b'\n');
+        // Into memory, with text for keys, this cannot fail.
+        match self.root.serialize(&mut serializer) {
+            Ok(()) => text.push(b'\n'),
+            Err(_) => text = self.root.to_string().into_bytes(),
+        }
         text
     }
 

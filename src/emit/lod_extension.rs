@@ -93,11 +93,11 @@ impl<'a> Arranger<'a> {
     fn must_split(&self, node: usize, json: &Value) -> bool {
         let has_children = json.get("children").and_then(Value::as_array).is_some_and(|c| !c.is_empty());
         let extensions = json.get("extensions");
-        let has_extension = |name: &&str| extensions.and_then(|e| e.get(*name)).is_some();
+        let has_extension = |name: &str| extensions.and_then(|e| e.get(name)).is_some();
         let moves = self.channels.move_node(node) && json.get("skin").is_none();
         has_children
             || json.get("camera").is_some()
-            || PLACED_EXTENSIONS.iter().any(|name| has_extension(&name))
+            || PLACED_EXTENSIONS.iter().any(|name| has_extension(name))
             || moves
             || self.channels.change_node(node)
             || self.joints.contains(&node)

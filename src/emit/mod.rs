@@ -123,6 +123,10 @@ pub enum Content {
 /// [`Kind::Unsupported`](crate::Kind::Unsupported) for arrangements that no loader handles or when levels are refused, [`Kind::Limit`](crate::Kind::Limit) when a GLB
 /// would pass 4 GiB.
 pub fn emit(asset: &Asset, lods: &[MeshLods], options: &Options) -> Result<Output> {
+    add_levels(asset, lods, options).map_err(|error| error.in_file(&asset.path))
+}
+
+fn add_levels(asset: &Asset, lods: &[MeshLods], options: &Options) -> Result<Output> {
     let scene = asset.scene();
     refuse_existing(&scene, options.existing)?;
     let mut notes = Vec::new();

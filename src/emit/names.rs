@@ -1,19 +1,21 @@
 //! Names of new nodes and meshes: by the preset's pattern, each once.
 
 use serde_json::Value;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// The names that nodes (or meshes) have already.
 pub(super) struct Names<'a> {
     pattern: &'a str,
     taken: HashSet<String>,
+    /// The last number tried for a name, since thousands of nodes may have the same one.
+    numbers: HashMap<String, u32>,
 }
 
 impl<'a> Names<'a> {
     /// `pattern` has `{name}` and `{level}` in it.
     pub fn new(pattern: &'a str, existing: &[Value]) -> Self {
         let taken = existing.iter().filter_map(|object| object.get("name")?.as_str()).map(str::to_owned).collect();
-        Self { pattern, taken }
+        Self { pattern, taken, numbers: HashMap::new() }
     }
 
     /// The name of `level` (0 is the source) of what is called `name`.
@@ -24,11 +26,14 @@ impl<'a> Names<'a> {
 
     /// `wanted`, or the first of `wanted_2`, `wanted_3`, … that is free.
     pub fn unique(&mut self, wanted: &str) -> String {
-        let free = |name: &String| !self.taken.contains(name);
-        let numbered = (2..).map(|i| format!("{wanted}_{i}"));
-        let name = std::iter::once(wanted.to_owned()).chain(numbered).find(free).unwrap_or_default();
-        self.taken.insert(name.clone());
-        name
+        let number = self.numbers.entry(wanted.to_owned()).or_insert(0);
+        loop {
+            *number += 1;
+            let name = if *number == 1 { wanted.to_owned() } else { format!("{wanted}_{number}") };
+            if self.taken.insert(name.clone()) {
+                return name;
+            }
+        }
     }
 }
 

@@ -40,6 +40,9 @@ fn nodes_that_share_a_mesh_share_its_levels_but_no_level_node() {
     assert_eq!(built.at("/meshes").as_array().unwrap().len(), 3);
 }
 
+/// Adds a node with the mesh and returns it.
+type Make<'a> = &'a dyn Fn(&mut Sketch, usize) -> usize;
+
 #[test]
 fn what_else_hangs_on_a_node_moves_the_mesh_to_a_leaf() {
     let with_child = |sketch: &mut Sketch, mesh| {
@@ -72,8 +75,7 @@ fn what_else_hangs_on_a_node_moves_the_mesh_to_a_leaf() {
         sketch.animate(json!({"path": "pointer", "extensions": pointer}), &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], 4);
         node
     };
-    let cases: [&dyn Fn(&mut Sketch, usize) -> usize; 6] =
-        [&with_child, &with_camera, &with_light, &moving, &joint, &pointed_at];
+    let cases: [Make; 6] = [&with_child, &with_camera, &with_light, &moving, &joint, &pointed_at];
     for (case, make) in cases.iter().enumerate() {
         let mut sketch = Sketch::new();
         let mesh = sketch.grid_mesh("m");

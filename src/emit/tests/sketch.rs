@@ -162,7 +162,7 @@ pub fn options() -> Options {
 pub fn fake_lods(asset: &Asset, mesh: usize, levels: usize) -> MeshLods {
     let geometry = asset.geometry(mesh, &Limits::default()).unwrap();
     let thin = |level: usize| {
-        let keep = |t: &usize| t % (1 << level) == 0;
+        let keep = |t: &usize| t.is_multiple_of(1 << level);
         let kept: Vec<usize> = (0..geometry.mesh.triangles.len()).filter(keep).collect();
         let mut mesh = Mesh {
             triangles: kept.iter().map(|&t| geometry.mesh.triangles[t]).collect(),
@@ -186,7 +186,7 @@ pub struct Built {
     pub source: Asset,
     pub output: Output,
     pub written: Asset,
-    pub directory: TempDir,
+    _directory: TempDir,
 }
 
 impl Built {
@@ -208,7 +208,7 @@ impl Built {
         let path = out.join(source.path.file_name().unwrap());
         let written = Asset::read(&path, &out, &Limits::default()).unwrap();
         verify::check(&source, &written).unwrap();
-        Self { source, output, written, directory }
+        Self { source, output, written, _directory: directory }
     }
 
     pub fn root(&self) -> &Value {
