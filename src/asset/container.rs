@@ -68,8 +68,7 @@ impl Container {
     /// # Errors
     /// [`Kind::Limit`] when a GLB would pass 4 GiB, which its lengths cannot express;
     /// [`Kind::Internal`] for a BIN chunk in a plain `.gltf`.
-    #[allow(dead_code)] // the writer's side
-    pub(crate) fn pack(&self, json: &[u8], bin: Option<&[u8]>) -> Result<Vec<u8>> {
+    pub fn pack(&self, json: &[u8], bin: Option<&[u8]>) -> Result<Vec<u8>> {
         let Self::Glb { others } = self else {
             return match bin {
                 None => Ok(json.to_vec()),

@@ -124,14 +124,14 @@ impl Files {
         bin: Option<Vec<u8>>,
     ) -> Result<Option<Vec<u8>>> {
         let length = buffer.need("byteLength")?.integer()?;
-        let short = |found: u64| {
-            let message = format!("byteLength is {length}, but there are {found} bytes");
+        let short = |holder: &str, found: u64| {
+            let message = format!("byteLength is {length}, but {holder} has {found} bytes");
             buffer.error(message).help("the data is truncated: export or copy it again")
         };
         let mut bytes = match self.find_buffer(buffer, directories, bin)? {
             Source::Here(bytes) => bytes,
             Source::File(path) => match file_length(&path)? {
-                found if found < length as u64 => return Err(short(found).in_file(&path)),
+                found if found < length as u64 => return Err(short(&path.display().to_string(), found)),
                 _ => read_start(&path, length as u64)?,
             },
             Source::Missing(_) | Source::Nowhere if is_fallback(buffer) => return Ok(None),
@@ -142,7 +142,7 @@ impl Files {
             Source::Nowhere => return Err(buffer.error("the buffer has neither a uri nor the BIN chunk of a GLB")),
         };
         if bytes.len() < length {
-            return Err(short(bytes.len() as u64));
+            return Err(short("its data", bytes.len() as u64));
         }
         bytes.truncate(length);
         Ok(Some(bytes))

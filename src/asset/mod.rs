@@ -113,6 +113,12 @@ impl Asset {
     }
 }
 
+/// Every structural problem of a document, at most 100; empty means that every index, range and type in it is sound.
+/// [`Asset::read`] refuses documents that have any.
+pub fn find_problems(document: &Document) -> Vec<Error> {
+    check::check(document.root()).problems
+}
+
 /// The first problem, and how many there are besides.
 fn join_problems(problems: Vec<Error>) -> Option<Error> {
     let more = problems.len().saturating_sub(1);
