@@ -4,7 +4,7 @@ use super::accessor::MESHOPT;
 use super::container::{Container, Unpacked};
 use super::cursor::Cursor;
 use super::uri::{self, Directories, Uri};
-use super::{Limits, Resource};
+use super::{Document, Limits, Resource};
 use crate::error::{Error, Kind, Result};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -37,7 +37,7 @@ fn read_start(path: &Path, length: u64) -> Result<Vec<u8>> {
 }
 
 /// Takes the file apart and parses its JSON.
-pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Value)> {
+pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Document)> {
     let mut unpacked = Container::unpack(read_file(path, limits)?)?;
     let json = std::mem::take(&mut unpacked.json);
     let mut text = json.as_slice();
@@ -53,7 +53,7 @@ pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Value)> {
     if !root.is_object() {
         return Err(Error::malformed("", "the document must be a JSON object"));
     }
-    Ok((unpacked, root))
+    Ok((unpacked, Document::new(root).styled_like(text)))
 }
 
 fn explain_json(error: &serde_json::Error, text: &[u8], path: &Path) -> Error {
