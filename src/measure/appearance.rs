@@ -121,7 +121,9 @@ pub fn choose_side(hit: Hit, point: DVec3, normal: DVec3, bvh: &Bvh, normals: &[
     }
     let mut best: Option<Hit> = None;
     bvh.visit_within(point, hit.distance() + SHEET * diagonal, |near| {
-        if normals[near.triangle as usize].dot(back) < BACK_TO_BACK && best.as_ref().is_none_or(|best| near.precedes(best)) {
+        if normals[near.triangle as usize].dot(back) < BACK_TO_BACK
+            && best.as_ref().is_none_or(|best| near.precedes(best))
+        {
             best = Some(near);
         }
     });
