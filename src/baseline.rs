@@ -9,6 +9,9 @@ use crate::mesh::{Mesh, Semantic};
 use crate::meshoptimizer::{self, Flags, Input, MAX_ATTRIBUTES};
 use glam::{DVec2, DVec3, Vec3};
 
+/// How often a run that ended below its target is repeated.
+const RETRIES: usize = 4;
+
 /// meshoptimizer's result for one target.
 #[derive(Debug, Clone)]
 pub struct Baseline {
@@ -116,9 +119,18 @@ pub fn simplify_with(mesh: &Mesh, triangles: usize, settings: Settings) -> Resul
     Prepared::new(mesh)?.run(triangles, settings)
 }
 
-/// Triangles that a result is away from the target; 0 if it counts as met.
+/// Triangles that a result is away from the target; 0 if it counts as met. Worse than any other: nothing left at all, as pruning
+/// may do.
 fn miss(baseline: &Baseline, target: usize) -> usize {
-    if baseline.reached { 0 } else { baseline.mesh.triangles.len().abs_diff(target) }
+    match baseline.mesh.triangles.len() {
+        _ if baseline.reached => 0,
+        0 => usize::MAX,
+        found => found.abs_diff(target),
+    }
+}
+
+fn is_met(found: usize, target: usize) -> bool {
+    found.abs_diff(target) <= target / 100 + 2
 }
 
 /// A mesh as the library wants it.
@@ -157,7 +169,32 @@ impl Prepared {
         Ok(Self { mesh, groups, protected, channels, values, weights })
     }
 
+    /// One step of the library can take many triangles, so that it ends below the target: then what to ask for is bisected, and the
+    /// result that comes closest from below counts.
     fn run(&self, target: usize, settings: Settings) -> Result<Baseline> {
+        let target = target.min(self.mesh.triangles.len());
+        let mut best = self.run_once(target, target, settings)?;
+        let (mut enough, mut limit) = (target, 2 * target - best.mesh.triangles.len().min(target));
+        for _ in 0..RETRIES {
+            let found = best.mesh.triangles.len();
+            if best.reached || found == 0 || enough >= limit {
+                break;
+            }
+            let wanted = (enough + limit).div_ceil(2);
+            let other = self.run_once(wanted, target, settings)?;
+            if other.mesh.triangles.len() > target {
+                limit = wanted - 1;
+                continue;
+            }
+            enough = wanted;
+            if other.mesh.triangles.len() > found {
+                best = other;
+            }
+        }
+        Ok(best)
+    }
+
+    fn run_once(&self, wanted: usize, target: usize, settings: Settings) -> Result<Baseline> {
         let (values, weights) = if settings.attributes { (&*self.values, &*self.weights) } else { Default::default() };
         let input = Input {
             positions: &self.mesh.positions,
@@ -168,14 +205,14 @@ impl Prepared {
         };
         let flags = settings.flags();
         let mesh = if settings.update {
-            let updated = meshoptimizer::simplify_with_update(&input, target, flags)?;
+            let updated = meshoptimizer::simplify_with_update(&input, wanted, flags)?;
             let mut source = Mesh { positions: updated.positions, ..self.mesh.clone() };
             self.store_values(&mut source, &updated.attributes, weights.len());
             extract(&source, updated.triangles, &self.groups)
         } else {
-            extract(&self.mesh, meshoptimizer::simplify(&input, target, flags)?, &self.groups)
+            extract(&self.mesh, meshoptimizer::simplify(&input, wanted, flags)?, &self.groups)
         };
-        let reached = mesh.triangles.len().abs_diff(target) <= target / 100 + 2;
+        let reached = is_met(mesh.triangles.len(), target);
         Ok(Baseline { mesh, settings: settings.name(), reached })
     }
 
@@ -381,7 +418,7 @@ mod tests {
         let at = |ring: u32, segment: u32| {
             let polar = std::f32::consts::PI * ring as f32 / n as f32;
             let azimuth = std::f32::consts::PI * (segment % (2 * n)) as f32 / n as f32;
-            let radius = if ring % n == 0 { 0.0 } else { polar.sin() };
+            let radius = if ring == 0 || ring == n { 0.0 } else { polar.sin() };
             Vec3::new(radius * azimuth.cos(), radius * azimuth.sin(), polar.cos())
         };
         let mut mesh = Mesh::default();
