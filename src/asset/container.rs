@@ -36,7 +36,7 @@ pub struct Chunk {
 
 /// A file taken apart.
 #[derive(Debug)]
-pub(super) struct Unpacked {
+pub(crate) struct Unpacked {
     pub container: Container,
     pub json: Vec<u8>,
     pub bin: Option<Vec<u8>>,
@@ -51,7 +51,7 @@ struct Span {
 
 impl Container {
     /// Takes a file apart: GLB when it begins with the magic number, otherwise all of it is JSON.
-    pub(super) fn unpack(bytes: Vec<u8>) -> Result<Unpacked> {
+    pub(crate) fn unpack(bytes: Vec<u8>) -> Result<Unpacked> {
         if bytes.is_empty() {
             return Err(Error::new(Kind::Malformed, "the file is empty"));
         }
