@@ -1,4 +1,4 @@
-//! Writes the assets of `fixtures/`: `cargo run --example make_fixtures`.
+//! Writes the assets of `fixtures/` and the broken ones of `tests/bad/`: `cargo run --example make_fixtures`.
 //!
 //! Every file is made from formulas, so that it may be used for anything (CC0), and its bytes are the same on every
 //! machine: `tests/fixtures.rs` compares them with the committed ones.
@@ -6,6 +6,7 @@
 mod assets;
 mod builder;
 mod deforming;
+mod malformed;
 mod png;
 mod portable;
 mod scenes;
@@ -13,25 +14,27 @@ mod shape;
 mod storage;
 mod surfaces;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A file to write, with its path below `fixtures/`.
+/// A file to write, with its path below its directory.
 pub type File = (&'static str, Vec<u8>);
 
-/// All fixtures.
-pub fn files() -> Vec<File> {
-    [assets::files(), deforming::files(), storage::files(), scenes::files()].concat()
+/// Each directory with its files.
+pub fn directories() -> [(&'static str, Vec<File>); 2] {
+    let assets = [assets::files(), deforming::files(), storage::files(), scenes::files()].concat();
+    [("fixtures", assets), ("tests/bad", malformed::files())]
 }
 
-#[allow(dead_code)] // The test includes this file for `files` only.
+#[allow(dead_code)] // The test includes this file for `directories` only.
 fn main() -> std::io::Result<()> {
-    let target = std::env::args_os()
-        .nth(1)
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures"), PathBuf::from);
-    for (path, bytes) in files() {
-        let path = target.join(path);
-        std::fs::create_dir_all(path.parent().unwrap_or(&target))?;
-        std::fs::write(path, bytes)?;
+    for (directory, files) in directories() {
+        for (name, bytes) in files {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(directory).join(name);
+            if let Some(parent) = path.parent() {
+                std::fs::create_dir_all(parent)?;
+            }
+            std::fs::write(path, bytes)?;
+        }
     }
     Ok(())
 }

@@ -51,7 +51,8 @@ fn process_asset(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer)
 
     let meshes = build_meshes(&asset, &scene, job, options, observer)?;
     let mut report = start_report(job);
-    report.warnings = asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
+    report.warnings =
+        asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
     let mut lods = Vec::new();
     for built in meshes {
         report.meshes.push(built.report);
@@ -118,7 +119,8 @@ fn pass_through(asset: &Asset) -> Output {
 }
 
 fn count_bytes(output: &Output, source_bytes: u64) -> u64 {
-    let first = output.files.iter().take(1).filter(|file| matches!(file.content, Content::CopyOf(_))).map(|_| source_bytes);
+    let first =
+        output.files.iter().take(1).filter(|file| matches!(file.content, Content::CopyOf(_))).map(|_| source_bytes);
     let made = output.files.iter().filter_map(|file| match &file.content {
         Content::Bytes(bytes) => Some(bytes.len() as u64),
         Content::CopyOf(_) => None,

@@ -42,7 +42,11 @@ pub(super) fn report_target(target: &Target) -> TargetReport {
 }
 
 /// The levels worth keeping, each with its position in the preset's list, and the others with the reason.
-pub(super) fn keep_levels(levels: Vec<Level>, source_triangles: usize, min_saving: f64) -> (Vec<(usize, Level)>, Vec<DroppedLevel>) {
+pub(super) fn keep_levels(
+    levels: Vec<Level>,
+    source_triangles: usize,
+    min_saving: f64,
+) -> (Vec<(usize, Level)>, Vec<DroppedLevel>) {
     let mut kept: Vec<(usize, Level)> = Vec::new();
     let mut dropped = Vec::new();
     let mut above = source_triangles;
@@ -65,7 +69,9 @@ fn find_fault(triangles: usize, above: usize, min_saving: f64) -> Option<String>
     } else if triangles >= above {
         Some(format!("its {triangles} triangles are not fewer than the {above} of the level above"))
     } else if triangles as f64 > min_saving * above as f64 {
-        Some(format!("its {triangles} triangles are more than min_saving = {min_saving} of the {above} of the level above"))
+        Some(format!(
+            "its {triangles} triangles are more than min_saving = {min_saving} of the {above} of the level above"
+        ))
     } else {
         None
     }

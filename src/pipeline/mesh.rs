@@ -135,7 +135,8 @@ fn find_reason_to_skip(scene: &Scene, index: usize, settings: &Settings) -> Opti
 
 /// Whether the node carries levels, is one, or hangs below one that does.
 fn belongs_to_levels(scene: &Scene, node: usize) -> bool {
-    let carries = |node: usize| scene.lower.contains(&node) || scene.existing.iter().any(|(carrier, _)| *carrier == node);
+    let carries =
+        |node: usize| scene.lower.contains(&node) || scene.existing.iter().any(|(carrier, _)| *carrier == node);
     let parent = |node: &usize| scene.parent.get(*node).copied().flatten();
     // The document was checked to be a forest; the bound only keeps a bug there from hanging here.
     std::iter::successors(Some(node), parent).take(scene.parent.len() + 1).any(carries)
@@ -203,7 +204,12 @@ fn measure_baseline(source: &Mesh, ruler: &Ruler, ours: &Measurement) -> Option<
 }
 
 /// Puts the switches into the report: where each level takes over, and how many pixels its error shows there.
-fn switch_levels(report: &mut MeshReport, levels: &[(usize, Level)], extent: Extent, settings: &Settings) -> Result<()> {
+fn switch_levels(
+    report: &mut MeshReport,
+    levels: &[(usize, Level)],
+    extent: Extent,
+    settings: &Settings,
+) -> Result<()> {
     let errors: Vec<f64> = report.levels.iter().map(|level| level.error.hausdorff).collect();
     let requested: Vec<usize> = levels.iter().map(|(requested, _)| *requested).collect();
     let switches = place_switches(&errors, &requested, extent.radius, settings)?;
@@ -220,9 +226,7 @@ fn switch_levels(report: &mut MeshReport, levels: &[(usize, Level)], extent: Ext
 /// What a loader or tool needs to make switches of its own: nobody agrees on what coverage means.
 fn describe_for_extras(report: &MeshReport, settings: &Settings) -> Value {
     let source = json!({ "triangles": report.triangles, "error": 0.0, "rms": 0.0 });
-    let level = |level: &LevelReport| {
-        json!({ "triangles": level.triangles, "error": level.error.hausdorff, "rms": level.error.rms })
-    };
+    let level = |level: &LevelReport| json!({ "triangles": level.triangles, "error": level.error.hausdorff, "rms": level.error.rms });
     let levels: Vec<Value> = std::iter::once(source).chain(report.levels.iter().map(level)).collect();
     json!({
         "generator": concat!("gltf-lod ", env!("CARGO_PKG_VERSION")),
