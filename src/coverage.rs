@@ -8,7 +8,6 @@
 //! Limits: the sphere is that of the mesh at rest; skinning, morphing and non-uniform scale are not looked at.
 
 use crate::error::{Error, Kind, Result};
-use crate::mesh::Mesh;
 use crate::preset::{Basis, Coverage, Settings};
 
 /// Each switch is at most this share of the one before, so that the list falls strictly even where errors do not rise
@@ -28,17 +27,6 @@ pub struct Switches {
     pub values: Vec<f64>,
     /// What had to be changed to keep the list falling.
     pub notes: Vec<String>,
-}
-
-/// Radius of the sphere around the bounding box's centre that holds every vertex in use, object units; 0 for an empty mesh.
-pub fn bounding_radius(mesh: &Mesh) -> f64 {
-    let (lo, hi) = mesh.bounds();
-    if lo.x > hi.x {
-        return 0.0;
-    }
-    let centre = (lo.as_dvec3() + hi.as_dvec3()) / 2.0;
-    let distance = |&v: &u32| glam::Vec3::from(mesh.positions[v as usize]).as_dvec3().distance_squared(centre);
-    mesh.triangles.iter().flatten().map(distance).fold(0.0, f64::max).sqrt()
 }
 
 /// Pixels that `error` (object units) shows at `coverage` (share of the screen's height); 0 for a mesh without extent.
@@ -115,11 +103,8 @@ fn switches_from_errors(errors: &[f64], radius: f64, settings: &Settings) -> Vec
 fn pick_explicit(numbers: &[f64], requested: &[usize]) -> Result<Vec<f64>> {
     let pick = |&level: &usize| {
         numbers.get(level).copied().ok_or_else(|| {
-            Error::new(
-                Kind::Preset,
-                format!("coverage lists {} numbers, but there is a level {}", numbers.len(), level + 1),
-            )
-            .help("give one coverage number for each level, or coverage = \"auto\"")
+            Error::new(Kind::Preset, format!("coverage lists {} numbers, but there is a level {}", numbers.len(), level + 1))
+                .help("give one coverage number for each level, or coverage = \"auto\"")
         })
     };
     let values = requested.iter().map(pick).collect::<Result<Vec<_>>>()?;
@@ -135,25 +120,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// 1080 lines, one pixel, nothing culled.
+    /// 1080 lines, one pixel.
     fn settings(coverage: Coverage, basis: Basis, cull_coverage: f64) -> Settings {
-        Settings {
-            skip: None,
-            simplify: crate::simplify::Options::default(),
-            levels: Vec::new(),
-            min_source_triangles: 0,
-            min_saving: 1.0,
-            screen_height: 1080.0,
-            pixel_tolerance: 1.0,
-            coverage,
-            basis,
-            cull_coverage,
-            gates: Default::default(),
-            layout: Default::default(),
-            existing: Default::default(),
-            naming: "{name}_LOD{level}".to_owned(),
-            samples: 0,
-        }
+        Settings { screen_height: 1080.0, pixel_tolerance: 1.0, coverage, basis, cull_coverage, ..Settings::default() }
     }
 
     fn auto(errors: &[f64], radius: f64, basis: Basis, cull: f64) -> Switches {
@@ -209,14 +178,6 @@ mod tests {
     fn explicit_numbers_must_fall() {
         let settings = settings(Coverage::Explicit(vec![0.25, 0.5]), Basis::Height, 0.0);
         assert_eq!(place_switches(&[0.1, 0.2], &[0, 1], 1.0, &settings).unwrap_err().kind, Kind::Preset);
-    }
-
-    #[test]
-    fn the_sphere_is_that_of_the_vertices_in_use() {
-        let positions = vec![[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [100.0, 0.0, 0.0]];
-        let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
-        assert_eq!(bounding_radius(&mesh), 2f64.sqrt());
-        assert_eq!(bounding_radius(&Mesh::default()), 0.0);
     }
 
     proptest! {

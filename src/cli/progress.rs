@@ -1,7 +1,7 @@
 //! Progress on stderr: bars on a terminal, a line for each file elsewhere.
 
 use gltf_lod::report::{FileReport, Status};
-use gltf_lod::{Error, Observer};
+use gltf_lod::Observer;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -44,8 +44,7 @@ impl Progress {
     /// The position counts bytes: files differ in size by orders of magnitude, and the time left goes by what is left to read.
     fn show_counts(&self) {
         if let Display::Bars { files, .. } = &self.display {
-            let triangles =
-                self.triangles.load(Ordering::Relaxed) as f64 / self.start.elapsed().as_secs_f64().max(1e-3);
+            let triangles = self.triangles.load(Ordering::Relaxed) as f64 / self.start.elapsed().as_secs_f64().max(1e-3);
             let (done, total) = (self.files_done.load(Ordering::Relaxed), self.files.load(Ordering::Relaxed));
             files.set_message(format!("{done}/{total} files, {triangles:.0} triangles/s"));
         }
@@ -120,26 +119,6 @@ fn describe_status(report: &FileReport) -> String {
         Status::Levels => format!("{levels} levels{time}"),
         Status::Unchanged => format!("unchanged{time}"),
         Status::Failed => "failed".to_owned(),
-    }
-}
-
-/// One line for each error: `error: FILE: PLACE: what is wrong`, and what to do on the next.
-pub fn print_error(error: &Error) {
-    print_problem("error", error);
-}
-
-/// As [`print_error`], for what stopped nothing.
-pub fn print_warning(error: &Error) {
-    print_problem("warning", error);
-}
-
-fn print_problem(label: &str, error: &Error) {
-    let Error { file, place, message, help, .. } = error;
-    let file = file.as_ref().map(|file| format!("{}: ", file.display())).unwrap_or_default();
-    let place = place.as_ref().map(|place| format!("{place}: ")).unwrap_or_default();
-    write_line(&format!("{label}: {file}{place}{message}"));
-    if let Some(help) = help {
-        write_line(&format!("  help: {help}"));
     }
 }
 

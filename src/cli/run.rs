@@ -1,7 +1,7 @@
 //! Commands: from arguments to library calls, output and exit code.
 
 use super::args::{Build, Cli, Command, Compare, Init, Inspect};
-use super::progress::{Progress, print_error, print_warning, write_line};
+use super::progress::{Progress, write_line};
 use anyhow::Context;
 use clap::Parser;
 use gltf_lod::asset::Limits;
@@ -51,9 +51,11 @@ fn build(args: &Build) -> anyhow::Result<u8> {
     if !args.run.quiet {
         let detail = if args.run.verbose { Detail::Meshes } else { Detail::Files };
         print(&report::describe_run(&report, detail))?;
-        report.files.iter().flat_map(|file| &file.warnings).for_each(|warning| print_warning(&warning.error));
+        let warnings = report.files.iter().flat_map(|file| &file.warnings);
+        warnings.for_each(|warning| write_line(&format!("warning: {}", warning.error)));
     }
-    report.errors().for_each(|problem| print_error(&problem.error));
+    // One line each, whatever is in them: logs of thousands of files are read by tools.
+    report.errors().for_each(|problem| write_line(&format!("error: {}", problem.error)));
     print_failed_gates(&report, args.run.quiet);
     if let Some(file) = &args.report {
         write_file(file, report::to_json(&report, !args.no_times))?;
@@ -106,16 +108,14 @@ fn init(args: &Init) -> anyhow::Result<u8> {
         let error = Error::new(Kind::Preset, "the file is there already").in_file(&file);
         return Err(error.help("replace it with --force").into());
     }
-    write_file(&file, preset::commented_file())?;
+    write_file(&file, preset::init_text())?;
     print(&format!("{} written\n", file.display()))?;
     Ok(0)
 }
 
 fn list_presets() -> anyhow::Result<u8> {
-    let presets = preset::built_in();
-    let width = presets.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
-    for (name, about) in presets {
-        print(&format!("{name:width$}  {about}\n"))?;
+    for preset in preset::list() {
+        print(&format!("{:10} {}\n{:10} levels: {}\n", preset.name, preset.description, "", preset.levels))?;
     }
     Ok(0)
 }
@@ -150,15 +150,15 @@ fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
+/// What ends a run is told with room: what is wrong, then what to do.
 fn report_failure(error: &anyhow::Error) -> u8 {
-    match error.downcast_ref::<Error>() {
-        Some(error) => {
-            print_error(error);
-            if error.kind == Kind::Preset { USAGE } else { TROUBLE }
-        }
-        None => {
-            write_line(&format!("error: {error:#}"));
-            TROUBLE
-        }
+    let Some(known) = error.downcast_ref::<Error>() else {
+        write_line(&format!("error: {error:#}"));
+        return TROUBLE;
+    };
+    write_line(&format!("error: {}", Error { help: None, ..known.clone() }));
+    if let Some(help) = &known.help {
+        write_line(&format!("  help: {help}"));
     }
+    if known.kind == Kind::Preset { USAGE } else { TROUBLE }
 }

@@ -3,15 +3,13 @@
 use super::mesh::{self, BuiltMesh};
 use super::{BuildOptions, Job, Observer};
 use crate::asset::{Asset, Scene};
-use crate::discover::resolve;
-use crate::emit::{self, Content, Existing, Output, OutputFile};
+use crate::emit::{self, Content, Output};
 use crate::error::{Error, Kind, Result};
 use crate::preset::{MeshNames, Settings};
 use crate::report::{FileReport, Problem, Status, relative_name};
 use rayon::prelude::*;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
 
 /// Processes the asset of `job`; whatever happens, the result is a report.
 pub(super) fn process(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer) -> FileReport {
@@ -47,42 +45,27 @@ fn process_asset(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer)
     let asset = Asset::read(&source.path, &source.root, &options.limits).map_err(one)?;
     let scene = asset.scene();
     let settings = job.presets.settings(&MeshNames::default()).map_err(one)?;
-    refuse_existing(&scene, settings.existing).map_err(one)?;
 
     let meshes = build_meshes(&asset, &scene, job, options, observer)?;
     let mut report = start_report(job);
-    report.warnings =
-        asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
+    report.warnings = asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
     let mut lods = Vec::new();
     for built in meshes {
         report.meshes.push(built.report);
         report.gates.extend(built.gates);
         lods.extend(built.lods);
     }
-    let output = if lods.is_empty() {
-        report.status = Status::Unchanged;
-        pass_through(&asset)
-    } else {
-        report.status = Status::Levels;
-        emit::emit(&asset, &lods, &choose_emit_options(&settings)).map_err(one)?
-    };
-    report.notes.clone_from(&output.notes);
-    report.written_bytes = count_bytes(&output, source.bytes);
+    let output = emit::emit(&asset, &lods, &choose_emit_options(settings)).map_err(one)?;
+    let is_copy = output.files.first().is_some_and(|file| matches!(file.content, Content::CopyOf(_)));
+    report.status = if is_copy { Status::Unchanged } else { Status::Levels };
+    report.written_bytes = if is_copy { source.bytes } else { count_bytes(&output) };
     if !options.dry_run {
-        report.written = write(output, &source.output).map_err(one)?;
+        let directory = source.output.with_file_name("");
+        emit::write(&output, &directory).map_err(one)?;
+        report.written = output.files.iter().map(|file| directory.join(&file.relative)).collect();
     }
+    report.notes = output.notes;
     Ok(report)
-}
-
-fn refuse_existing(scene: &Scene, policy: Existing) -> Result<()> {
-    match scene.existing.first() {
-        Some((node, _)) if policy == Existing::Refuse => {
-            let place = format!("/nodes/{node}/extensions/MSFT_lod");
-            Err(Error::unsupported(place, "the file has levels of detail already, and the preset refuses such files")
-                .help("set existing = \"keep\" or \"replace\" in its preset, or give the file without levels"))
-        }
-        _ => Ok(()),
-    }
 }
 
 /// All meshes are tried, so that a user sees all errors of a file at once.
@@ -105,40 +88,15 @@ fn build_meshes(
     }
 }
 
-fn choose_emit_options(settings: &Settings) -> emit::Options {
-    emit::Options { layout: settings.layout, naming: settings.naming.clone(), existing: settings.existing }
+fn choose_emit_options(settings: Settings) -> emit::Options {
+    emit::Options { layout: settings.layout, naming: settings.naming, existing: settings.existing }
 }
 
-/// The asset's files as they are.
-fn pass_through(asset: &Asset) -> Output {
-    let copy = |relative: PathBuf, from: PathBuf| OutputFile { relative, content: Content::CopyOf(from) };
-    let own = asset.path.file_name().map(|name| copy(name.into(), asset.path.clone()));
-    let existing = asset.resources.iter().filter(|resource| resource.exists);
-    let resources = existing.map(|r| copy(r.relative.clone(), asset.path.with_file_name("").join(&r.relative)));
-    Output { files: own.into_iter().chain(resources).collect(), notes: Vec::new() }
-}
-
-fn count_bytes(output: &Output, source_bytes: u64) -> u64 {
-    let first =
-        output.files.iter().take(1).filter(|file| matches!(file.content, Content::CopyOf(_))).map(|_| source_bytes);
+/// Bytes that were made: copies of resources are not ours.
+fn count_bytes(output: &Output) -> u64 {
     let made = output.files.iter().filter_map(|file| match &file.content {
         Content::Bytes(bytes) => Some(bytes.len() as u64),
         Content::CopyOf(_) => None,
     });
-    first.chain(made).sum()
-}
-
-/// Writes the files beside `target` and gives their paths. A copy of a file to itself (in place) is nothing to do.
-fn write(mut output: Output, target: &Path) -> Result<Vec<PathBuf>> {
-    let directory = target.with_file_name("");
-    let written = output.files.iter().map(|file| directory.join(&file.relative)).collect();
-    let is_itself = |file: &OutputFile| match &file.content {
-        Content::CopyOf(from) => resolve(from) == resolve(&directory.join(&file.relative)),
-        Content::Bytes(_) => false,
-    };
-    output.files.retain(|file| !is_itself(file));
-    if !output.files.is_empty() {
-        emit::write(&output, &directory)?;
-    }
-    Ok(written)
+    made.sum()
 }

@@ -15,8 +15,7 @@ fn check_level(mesh: &MeshReport, level: &LevelReport, gates: &Gates) -> Vec<Bro
             return;
         }
         let name = mesh.name.as_ref().map(|name| format!(" \"{name}\"")).unwrap_or_default();
-        let message =
-            format!("level {} of mesh {}{name}: {what}; the preset's {key} sets this", level.level, mesh.mesh);
+        let message = format!("level {} of mesh {}{name}: {what}; the preset's {key} sets this", level.level, mesh.mesh);
         let fails = severity == Severity::Fail;
         broken.push(BrokenGate { mesh: mesh.mesh, level: level.level, key, limit, found, fails, message });
     };

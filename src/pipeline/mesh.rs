@@ -2,10 +2,10 @@
 
 use super::Observer;
 use super::gates::check_gates;
-use super::levels::{Extent, choose_options, keep_levels, report_target};
+use super::levels::{choose_options, keep_levels, report_target};
 use crate::asset::{Asset, Geometry, Limits, Scene};
 use crate::baseline;
-use crate::coverage::{bounding_radius, pixels_of_error, place_switches, to_height};
+use crate::coverage::{pixels_of_error, place_switches, to_height};
 use crate::emit::{self, Existing, LodLevel, MeshLods};
 use crate::error::Result;
 use crate::measure::{Measurement, Ruler, Sampling};
@@ -49,13 +49,12 @@ impl Task<'_> {
             return Ok(BuiltMesh::skipped(report, why));
         }
         let geometry = self.asset.geometry(index, self.limits)?;
-        let extent = Extent { diagonal: f64::from(geometry.mesh.diagonal()), radius: bounding_radius(&geometry.mesh) };
-        describe_geometry(&mut report, &geometry, extent);
+        describe_geometry(&mut report, &geometry);
         if let Some(why) = find_reason_in_geometry(&geometry, &settings) {
             return Ok(BuiltMesh::skipped(report, why));
         }
         self.observer.mesh_started(self.file, names.mesh.as_deref().unwrap_or(""), report.triangles);
-        let built = build_levels(report, geometry, extent, &settings)?;
+        let built = build_levels(report, geometry, &settings)?;
         self.observer.mesh_finished(built.report.triangles);
         Ok(built)
     }
@@ -135,18 +134,15 @@ fn find_reason_to_skip(scene: &Scene, index: usize, settings: &Settings) -> Opti
 
 /// Whether the node carries levels, is one, or hangs below one that does.
 fn belongs_to_levels(scene: &Scene, node: usize) -> bool {
-    let carries =
-        |node: usize| scene.lower.contains(&node) || scene.existing.iter().any(|(carrier, _)| *carrier == node);
+    let carries = |node: usize| scene.lower.contains(&node) || scene.existing.iter().any(|(carrier, _)| *carrier == node);
     let parent = |node: &usize| scene.parent.get(*node).copied().flatten();
     // The document was checked to be a forest; the bound only keeps a bug there from hanging here.
     std::iter::successors(Some(node), parent).take(scene.parent.len() + 1).any(carries)
 }
 
-fn describe_geometry(report: &mut MeshReport, geometry: &Geometry, extent: Extent) {
+fn describe_geometry(report: &mut MeshReport, geometry: &Geometry) {
     report.triangles = geometry.mesh.triangles.len();
     report.vertices = geometry.mesh.positions.len();
-    report.diagonal = extent.diagonal;
-    report.radius = extent.radius;
     let passed_over = geometry.passed_over.iter();
     report.notes.extend(passed_over.map(|p| format!("primitive {} goes through unchanged: {}", p.primitive, p.why)));
 }
@@ -164,8 +160,10 @@ fn find_reason_in_geometry(geometry: &Geometry, settings: &Settings) -> Option<S
     }
 }
 
-fn build_levels(mut report: MeshReport, geometry: Geometry, extent: Extent, settings: &Settings) -> Result<BuiltMesh> {
-    let options = choose_options(settings, extent);
+fn build_levels(mut report: MeshReport, geometry: Geometry, settings: &Settings) -> Result<BuiltMesh> {
+    let ruler = Ruler::new(&geometry.mesh, Sampling { samples: settings.samples, ..Sampling::default() });
+    (report.diagonal, report.radius) = (ruler.diagonal(), ruler.bounding_radius());
+    let options = choose_options(settings, report.diagonal, report.radius);
     let chain = simplify::simplify(&geometry.mesh, &options)?;
     let (mut kept, dropped) = keep_levels(chain.levels, report.triangles, settings.min_saving);
     report.dropped = dropped;
@@ -174,8 +172,8 @@ fn build_levels(mut report: MeshReport, geometry: Geometry, extent: Extent, sett
         return Ok(BuiltMesh::skipped(report, why));
     }
     kept.par_iter_mut().for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
-    report.levels = measure_levels(&geometry.mesh, &kept, &options.levels, settings.samples);
-    switch_levels(&mut report, &kept, extent, settings)?;
+    report.levels = measure_levels(&geometry.mesh, &ruler, &kept, &options.levels);
+    switch_levels(&mut report, &kept, settings)?;
     let gates = check_gates(&report, &settings.gates);
     let extras = describe_for_extras(&report, settings);
     let levels = kept.into_iter().map(|(_, level)| LodLevel { mesh: level.mesh }).collect();
@@ -184,13 +182,12 @@ fn build_levels(mut report: MeshReport, geometry: Geometry, extent: Extent, sett
 }
 
 /// Every level and its baseline, measured by the same ruler.
-fn measure_levels(source: &Mesh, levels: &[(usize, Level)], targets: &[Target], samples: usize) -> Vec<LevelReport> {
-    let ruler = Ruler::new(source, Sampling { samples, ..Sampling::default() });
+fn measure_levels(source: &Mesh, ruler: &Ruler, levels: &[(usize, Level)], targets: &[Target]) -> Vec<LevelReport> {
     let measure = |(position, (requested, level)): (usize, &(usize, Level))| {
         let ours = ruler.measure(&level.mesh);
         let target = report_target(&targets[*requested]);
         let mut report = LevelReport::new(position + 1, target, level.stop, level.refusals, &ours);
-        report.baseline = measure_baseline(source, &ruler, &ours);
+        report.baseline = measure_baseline(source, ruler, &ours);
         report
     };
     levels.par_iter().enumerate().map(measure).collect()
@@ -198,25 +195,21 @@ fn measure_levels(source: &Mesh, levels: &[(usize, Level)], targets: &[Target], 
 
 /// The source has been simplified already, so that the baseline has nothing to object to; if it has, there is nothing to compare with.
 fn measure_baseline(source: &Mesh, ruler: &Ruler, ours: &Measurement) -> Option<BaselineReport> {
-    let baseline = baseline::simplify(source, ours.triangles).ok()?;
+    let baseline = baseline::simplify_by(source, ours.triangles, ruler).ok()?;
     let theirs = ruler.measure(&baseline.mesh);
     Some(BaselineReport::new(baseline.settings, baseline.reached, &theirs, ours))
 }
 
 /// Puts the switches into the report: where each level takes over, and how many pixels its error shows there.
-fn switch_levels(
-    report: &mut MeshReport,
-    levels: &[(usize, Level)],
-    extent: Extent,
-    settings: &Settings,
-) -> Result<()> {
+fn switch_levels(report: &mut MeshReport, levels: &[(usize, Level)], settings: &Settings) -> Result<()> {
+    let radius = report.radius;
     let errors: Vec<f64> = report.levels.iter().map(|level| level.error.hausdorff).collect();
     let requested: Vec<usize> = levels.iter().map(|(requested, _)| *requested).collect();
-    let switches = place_switches(&errors, &requested, extent.radius, settings)?;
+    let switches = place_switches(&errors, &requested, radius, settings)?;
     for (level, &switch_in) in report.levels.iter_mut().zip(&switches.values) {
         let height = to_height(switch_in, settings.basis);
         level.switch_in = switch_in;
-        level.pixels_at_switch = pixels_of_error(level.error.hausdorff, extent.radius, height, settings.screen_height);
+        level.pixels_at_switch = pixels_of_error(level.error.hausdorff, radius, height, settings.screen_height);
     }
     report.coverage = switches.values;
     report.notes.extend(switches.notes);
@@ -226,7 +219,9 @@ fn switch_levels(
 /// What a loader or tool needs to make switches of its own: nobody agrees on what coverage means.
 fn describe_for_extras(report: &MeshReport, settings: &Settings) -> Value {
     let source = json!({ "triangles": report.triangles, "error": 0.0, "rms": 0.0 });
-    let level = |level: &LevelReport| json!({ "triangles": level.triangles, "error": level.error.hausdorff, "rms": level.error.rms });
+    let level = |level: &LevelReport| {
+        json!({ "triangles": level.triangles, "error": level.error.hausdorff, "rms": level.error.rms })
+    };
     let levels: Vec<Value> = std::iter::once(source).chain(report.levels.iter().map(level)).collect();
     json!({
         "generator": concat!("gltf-lod ", env!("CARGO_PKG_VERSION")),

@@ -128,8 +128,7 @@ pub fn compare(file: &Path, options: &BuildOptions, observer: &dyn Observer) -> 
         return Err(error.in_file(file));
     }
     // Beside the source and never written: the destination that needs no directory.
-    let options =
-        BuildOptions { inputs: vec![file.to_owned()], output: None, in_place: true, dry_run: true, ..options.clone() };
+    let options = BuildOptions { inputs: vec![file.to_owned()], output: None, in_place: true, dry_run: true, ..options.clone() };
     let report = build(&options, observer)?;
     let error = report.errors().next().map(|problem| problem.error.clone());
     match (error, report.files.into_iter().next()) {
@@ -152,8 +151,9 @@ fn choose_destination(options: &BuildOptions) -> Result<Destination> {
         (Some(out), false) => Ok(Destination::Directory(out.clone())),
         (Some(out), true) => Ok(Destination::DirectoryInPlace(out.clone())),
         (None, true) => Ok(Destination::Sources),
-        (None, false) => Err(Error::new(Kind::Preset, "no output directory given")
-            .help("choose one with -o, or overwrite with --in-place")),
+        (None, false) => {
+            Err(Error::new(Kind::Preset, "no output directory given").help("choose one with -o, or overwrite with --in-place"))
+        }
     }
 }
 
@@ -203,8 +203,7 @@ fn copy_others(found: &Found, presets: &Presets, files: &[FileReport], dry_run: 
 fn copy_file(source: &Source) -> Result<(), Problem> {
     let (Some(directory), Some(name)) = (source.output.parent(), source.output.file_name()) else { return Ok(()) };
     let file = OutputFile { relative: name.into(), content: Content::CopyOf(source.path.clone()) };
-    emit::write(&Output { files: vec![file], notes: Vec::new() }, directory)
-        .map_err(|error| Problem::new(error, &source.root))
+    emit::write(&Output { files: vec![file], notes: Vec::new() }, directory).map_err(|error| Problem::new(error, &source.root))
 }
 
 fn name_below_inputs(error: Error, options: &BuildOptions) -> Problem {

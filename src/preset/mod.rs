@@ -177,16 +177,3 @@ impl AssetPresets {
         false
     }
 }
-
-/// Name of preset files.
-pub const FILE_NAME: &str = "gltf-lod.toml";
-
-/// What `gltf-lod init` writes.
-pub fn commented_file() -> &'static str {
-    ""
-}
-
-/// Names of the built-in presets and what they are for.
-pub fn built_in() -> Vec<(&'static str, &'static str)> {
-    Vec::new()
-}

@@ -81,8 +81,7 @@ fn tabulate_levels(meshes: &[&MeshReport]) -> String {
     if deepest == 0 {
         return String::new();
     }
-    let heads =
-        ["level", "triangles", "error %", "error units", "rms ×mo", "hausd. ×mo", "gaps", "coverage", "stopped by"];
+    let heads = ["level", "triangles", "error %", "error units", "rms ×mo", "hausd. ×mo", "gaps", "coverage", "stopped by"];
     let mut table = start_table(&heads);
     let mut unequal = false;
     for index in 0..deepest {
@@ -101,8 +100,7 @@ fn describe_level(number: usize, levels: &[&LevelReport]) -> [String; 9] {
     let worst = levels.iter().max_by(|a, b| a.error.hausdorff_percent.total_cmp(&b.error.hausdorff_percent));
     let error = worst.map(|level| level.error).unwrap_or_default();
     let star = if levels.iter().any(|level| is_unequal(level)) { "*" } else { "" };
-    let ratio =
-        Ratio::geometric_mean(levels.iter().copied()).or_else(|| Some(levels.first()?.baseline.as_ref()?.ratio));
+    let ratio = Ratio::geometric_mean(levels.iter().copied()).or_else(|| Some(levels.first()?.baseline.as_ref()?.ratio));
     let show = |pick: fn(Ratio) -> f64| ratio.map_or("-".to_owned(), |r| format!("{}{star}", significant(pick(r))));
     [
         number.to_string(),
@@ -156,9 +154,7 @@ fn describe_remarks(file: &FileReport, detail: Detail) -> String {
         for mesh in &file.meshes {
             mesh.notes.iter().for_each(|note| remark(format!("note: {}: {note}", name_mesh(mesh))));
             let dropped = mesh.dropped.iter();
-            dropped.for_each(|level| {
-                remark(format!("note: {}: level {} dropped: {}", name_mesh(mesh), level.requested, level.why))
-            });
+            dropped.for_each(|level| remark(format!("note: {}: level {} dropped: {}", name_mesh(mesh), level.requested, level.why)));
         }
     }
     text

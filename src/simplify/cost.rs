@@ -26,9 +26,6 @@ pub(crate) trait Cost: Send + Sync {
 
     /// Brings what is known of one point up to date with the faces around it. Only the queue asks for it.
     fn update(&mut self, surface: &Surface, point: u32);
-
-    /// Learns of points that were added since.
-    fn grow(&mut self, surface: &Surface);
 }
 
 /// The cheapest of some positions by `cost`.

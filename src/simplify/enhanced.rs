@@ -33,6 +33,7 @@ const LENGTH_COST: f64 = 1e-6;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
+    room: Room,
     options: Options,
     points: Vec<PointState>,
     metric: Metric,
@@ -46,6 +47,26 @@ struct PointState {
     curvature: f64,
 }
 
+/// The source's bounding box with some slack: a handful of faces that keep a volume would stick out far.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Room {
+    fn of(points: &[DVec3]) -> Self {
+        let (low, high) =
+            points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+        let slack = 0.02 * low.distance(high);
+        Self { low: low - slack, high: high + slack }
+    }
+
+    fn contains(&self, x: DVec3) -> bool {
+        x.cmpge(self.low).all() && x.cmple(self.high).all()
+    }
+}
+
 impl Enhanced {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
         let border = border_points(surface.points.len(), edges);
@@ -56,7 +77,14 @@ impl Enhanced {
                 ..PointState::default()
             })
             .collect();
-        Self { constraints: Constraints::new(options), options: options.clone(), points, metric: Metric::default() }
+        let room = Room::of(&surface.points);
+        Self {
+            constraints: Constraints::new(options),
+            room,
+            options: options.clone(),
+            points,
+            metric: Metric::default(),
+        }
     }
 
     /// Quadric and volume of the faces around a point; constraint planes come from edges.
@@ -114,9 +142,10 @@ impl Enhanced {
         let volume = self.joint_volume(surface, ends.0, ends.1);
         // Where area vectors cancel (folds, needles) the constraint plane means nothing.
         let meaningful = volume.normal.length_squared() > 1e-4 * quadric.trace() * quadric.trace();
-        quadric
-            .minimum_near(middle, STIFFNESS, meaningful.then_some(&volume))
-            .filter(|x| x.distance_squared(middle) < 4.0 * length_squared)
+        let near = |x: &DVec3| x.distance_squared(middle) < 4.0 * length_squared && self.room.contains(*x);
+        let constrained =
+            meaningful.then(|| quadric.minimum_near(middle, STIFFNESS, Some(&volume))).flatten().filter(near);
+        constrained.or_else(|| quadric.minimum_near(middle, STIFFNESS, None).filter(near))
     }
 
     /// Volume constraint of the faces around both ends, each face once.
@@ -190,9 +219,5 @@ impl Cost for Enhanced {
         }
         let state = &mut self.points[point as usize];
         (state.quadric, state.volume) = (quadric, volume);
-    }
-
-    fn grow(&mut self, surface: &Surface) {
-        self.points.resize(surface.points.len(), PointState::default());
     }
 }

@@ -2,6 +2,7 @@
 
 mod constraints;
 mod cost;
+mod deviation;
 mod enhanced;
 mod guard;
 mod levels;
@@ -12,6 +13,7 @@ mod prune;
 mod quadric;
 mod queue;
 mod reducer;
+mod split;
 
 pub use levels::simplify;
 pub use options::{Algorithm, AttributeWeights, EdgePolicy, Mode, Options, Schedule, Target};

@@ -127,8 +127,4 @@ impl Cost for Paper {
             *curvature = Curvature::at(surface, point, is_on_border(surface, point));
         }
     }
-
-    fn grow(&mut self, surface: &Surface) {
-        self.quadrics.resize(surface.points.len(), Quadric::default());
-    }
 }

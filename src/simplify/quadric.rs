@@ -66,12 +66,16 @@ impl Quadric {
             a[i] += pull;
         }
         let inverse = Inverse::of(&a, 0.0)?;
-        let step = inverse.multiply(-(self.multiply(start) + self.b));
-        let Some(volume) = volume else { return Some(start + step) };
+        // Twice: the second step starts from the first's result, so the pull's bias is squared away wherever the surface decides.
+        let mut x = start;
+        for _ in 0..2 {
+            x += inverse.multiply(-(self.multiply(x) + self.b));
+        }
+        let Some(volume) = volume else { return Some(x) };
         let direction = inverse.multiply(volume.normal);
         let slope = volume.normal.dot(direction);
-        let missing = volume.offset - volume.normal.dot(start + step);
-        (slope > 0.0).then(|| start + step + direction * (missing / slope))
+        let missing = volume.offset - volume.normal.dot(x);
+        (slope > 0.0).then(|| x + direction * (missing / slope))
     }
 }
 

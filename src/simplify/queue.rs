@@ -70,6 +70,9 @@ impl Queue {
     }
 }
 
+/// One collapse in so many faces may be done under relaxed rules before the strict ones are tried again.
+const RELAXED_SHARE: usize = 200;
+
 /// Reduces to `target` faces (± 1).
 pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
     let mut strictness = Strictness::Full;
@@ -94,6 +97,7 @@ fn drain(reducer: &mut Reducer, target: usize, strictness: Strictness) {
     let mut queue = Queue::fill(reducer);
     let mut pieces = prune::cheap_pieces(&reducer.surface, f32::INFINITY).into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
+    let mut relaxed = 0;
     while reducer.surface.face_count() > target {
         let Some(Reverse(entry)) = queue.heap.pop() else { return };
         if entry.version != queue.version(entry.a, entry.b) {
@@ -108,8 +112,9 @@ fn drain(reducer: &mut Reducer, target: usize, strictness: Strictness) {
         if reducer.collapse((entry.a, entry.b), candidate, strictness, left + 1).is_ok() {
             touched[entry.a as usize] = true;
             requeue(&mut queue, reducer, entry.a, entry.b);
-            // Relaxed rules apply to one collapse; then the strict ones get their turn.
-            if strictness != Strictness::Full {
+            // Relaxed rules apply to a few collapses; then the strict ones get their turn.
+            relaxed += usize::from(strictness != Strictness::Full);
+            if relaxed * RELAXED_SHARE > reducer.surface.face_count() {
                 return;
             }
         }
