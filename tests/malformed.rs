@@ -25,7 +25,7 @@ fn good_files_beside_bad_ones_are_built() {
     copy_tree(&bad_files(), &input.path().join("bad"));
     let good = "storage/indices_u8.glb";
     std::fs::copy(fixtures().join(good), input.path().join("good.glb")).expect("a copy");
-    let build = build(input.path(), &["--quiet"]);
+    let build = build(input.path(), &[]);
     assert_eq!(build.run.code, Some(3), "{}", build.run.stderr);
     let written = files_below(build.out.path());
     assert_eq!(written.keys().map(PathBuf::as_path).collect::<Vec<_>>(), [Path::new("good.glb")]);
@@ -60,7 +60,7 @@ fn invalid_files_of_the_corpus_never_crash_the_tool() {
     for relative in assets_below(&corpus.join("invalid")) {
         let file = corpus.join("invalid").join(&relative);
         if loadable.iter().any(|name| relative.ends_with(name)) {
-            let build = build(&file, &["--quiet"]);
+            let build = build(&file, &[]);
             assert!(matches!(build.run.code, Some(0 | 3)), "{}: {}", relative.display(), build.run.stderr);
             continue;
         }
@@ -70,7 +70,7 @@ fn invalid_files_of_the_corpus_never_crash_the_tool() {
 
 /// Exit code 3, one line on stderr that names the file and says more than that, nothing written.
 fn expect_refused(file: &Path) {
-    let build = build(file, &["--quiet"]);
+    let build = build(file, &[]);
     let name = file.file_name().expect("a file").to_string_lossy();
     let lines: Vec<&str> = build.run.stderr.lines().filter(|line| !line.trim().is_empty()).collect();
     assert_eq!(build.run.code, Some(3), "{name}: {}", build.run.stderr);

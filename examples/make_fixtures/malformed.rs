@@ -121,7 +121,6 @@ fn references() -> Vec<File> {
             file.glb()
         }),
         ("sparse_index_out_of_range.glb", sparse(&[0, 5, 60_000])),
-        ("sparse_indices_not_rising.glb", sparse(&[5, 5, 2])),
     ]
 }
 
