@@ -1,4 +1,4 @@
-//! Writes the assets of `fixtures/` and the broken ones of `tests/bad/`: `cargo run --example make_fixtures`.
+//! Writes the assets of `fixtures/`: `cargo run --example make_fixtures`.
 //!
 //! Every file is made from formulas, so that it may be used for anything (CC0), and its bytes are the same on every
 //! machine: `tests/fixtures.rs` compares them with the committed ones.
@@ -6,7 +6,6 @@
 mod assets;
 mod builder;
 mod deforming;
-mod malformed;
 mod png;
 mod portable;
 mod scenes;
@@ -16,25 +15,22 @@ mod surfaces;
 
 use std::path::Path;
 
-/// A file to write, with its path below its directory.
+/// A file to write, with its path below `fixtures/`.
 pub type File = (&'static str, Vec<u8>);
 
-/// Each directory with its files.
-pub fn directories() -> [(&'static str, Vec<File>); 2] {
-    let assets = [assets::files(), deforming::files(), storage::files(), scenes::files()].concat();
-    [("fixtures", assets), ("tests/bad", malformed::files())]
+/// All fixtures.
+pub fn files() -> Vec<File> {
+    [assets::files(), deforming::files(), storage::files(), scenes::files()].concat()
 }
 
-#[allow(dead_code)] // The test includes this file for `directories` only.
+#[allow(dead_code)] // The test includes this file for `files` only.
 fn main() -> std::io::Result<()> {
-    for (directory, files) in directories() {
-        for (name, bytes) in files {
-            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(directory).join(name);
-            if let Some(parent) = path.parent() {
-                std::fs::create_dir_all(parent)?;
-            }
-            std::fs::write(path, bytes)?;
+    for (name, bytes) in files() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent)?;
         }
+        std::fs::write(path, bytes)?;
     }
     Ok(())
 }
