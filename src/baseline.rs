@@ -187,7 +187,8 @@ impl Prepared {
             for (old, new) in attribute.values.chunks_exact_mut(attribute.width).zip(values.chunks_exact(width)) {
                 old[..channel.width].copy_from_slice(&new[start..start + channel.width]);
                 if attribute.semantic == Semantic::Normal {
-                    old.copy_from_slice(&Vec3::from_slice(old).normalize_or_zero().to_array());
+                    let unit = Vec3::from_slice(old).normalize_or_zero();
+                    old[..3].copy_from_slice(&unit.to_array());
                 }
             }
             start += channel.width;
@@ -204,7 +205,7 @@ fn weigh_attributes(mesh: &Mesh) -> (Vec<Channel>, Vec<f32>) {
         let (width, weight) = match attribute.semantic {
             Semantic::Normal => (3, 0.5),
             Semantic::Color(_) => (attribute.width, 1.0),
-            Semantic::TexCoord(_) => (2, weigh_tex_coords(mesh, &attribute.values)),
+            Semantic::TexCoord(_) if attribute.width == 2 => (2, weigh_tex_coords(mesh, &attribute.values)),
             _ => continue,
         };
         if width <= attribute.width && weight > 0.0 && weights.len() + width <= MAX_ATTRIBUTES {

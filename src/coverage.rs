@@ -103,8 +103,11 @@ fn switches_from_errors(errors: &[f64], radius: f64, settings: &Settings) -> Vec
 fn pick_explicit(numbers: &[f64], requested: &[usize]) -> Result<Vec<f64>> {
     let pick = |&level: &usize| {
         numbers.get(level).copied().ok_or_else(|| {
-            Error::new(Kind::Preset, format!("coverage lists {} numbers, but there is a level {}", numbers.len(), level + 1))
-                .help("give one coverage number for each level, or coverage = \"auto\"")
+            Error::new(
+                Kind::Preset,
+                format!("coverage lists {} numbers, but there is a level {}", numbers.len(), level + 1),
+            )
+            .help("give one coverage number for each level, or coverage = \"auto\"")
         })
     };
     let values = requested.iter().map(pick).collect::<Result<Vec<_>>>()?;

@@ -88,7 +88,9 @@ fn files_with(words: &[&str], exempt: &[&str]) -> Vec<String> {
     let mut found = Vec::new();
     for (path, text) in sources().iter().filter(|(path, _)| !exempt.contains(&room_of(path).as_str())) {
         let code = code_of(text);
-        found.extend(words.iter().filter(|word| code.contains(**word)).map(|word| format!("{}: {word}", path.display())));
+        found.extend(
+            words.iter().filter(|word| code.contains(**word)).map(|word| format!("{}: {word}", path.display())),
+        );
     }
     found
 }
@@ -110,7 +112,11 @@ fn rooms_import_in_one_direction() {
             continue;
         }
         // The program is another crate: it reaches the library by its name.
-        let rooms = if room == "main" || room == "cli" { &["cli"][..] } else { allowed.get(room.as_str()).copied().unwrap_or(&[]) };
+        let rooms = if room == "main" || room == "cli" {
+            &["cli"][..]
+        } else {
+            allowed.get(room.as_str()).copied().unwrap_or(&[])
+        };
         let refused = used.iter().filter(|name| **name != room && *name != "error" && !rooms.contains(&name.as_str()));
         wrong.extend(refused.map(|name| format!("{} uses {name}", path.display())));
     }
@@ -134,7 +140,8 @@ fn no_room_is_left_through_super() {
 #[test]
 fn every_room_has_a_place_in_the_table() {
     let known = |room: &str| ["lib", "main", "cli"].contains(&room) || ALLOWED.iter().any(|(name, _)| *name == room);
-    let unknown: BTreeSet<String> = sources().iter().map(|(path, _)| room_of(path)).filter(|room| !known(room)).collect();
+    let unknown: BTreeSet<String> =
+        sources().iter().map(|(path, _)| room_of(path)).filter(|room| !known(room)).collect();
     assert_eq!(unknown, BTreeSet::new());
 }
 
@@ -156,7 +163,10 @@ fn crates_of_the_command_line_stay_there() {
 
 #[test]
 fn one_door_leads_to_meshoptimizer() {
-    assert_eq!(files_with(&["meshopt::", "unsafe {", "unsafe fn", "allow(unsafe_code)"], &["meshoptimizer"]), Vec::<String>::new());
+    assert_eq!(
+        files_with(&["meshopt::", "unsafe {", "unsafe fn", "allow(unsafe_code)"], &["meshoptimizer"]),
+        Vec::<String>::new()
+    );
 }
 
 #[test]

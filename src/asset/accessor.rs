@@ -162,8 +162,6 @@ pub(super) struct Reader<'a> {
     pub place: String,
     base: Option<Strided<'a>>,
     sparse: Option<(Strided<'a>, Strided<'a>)>,
-    /// Bytes in all buffers: the bound for elements that have no bytes of their own.
-    backing: usize,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -202,8 +200,10 @@ impl<'a> Reader<'a> {
             }
             None => None,
         };
-        let backing = buffers.iter().flatten().map(Vec::len).sum();
-        Ok(Self { header, place, base, sparse, backing })
+        if base.is_none() {
+            check_zeros(&header, buffers, &place)?;
+        }
+        Ok(Self { header, place, base, sparse })
     }
 
     /// Appends the chosen elements to `out` as floats; normalised integers become [0, 1] or [−1, 1].
@@ -229,7 +229,6 @@ impl<'a> Reader<'a> {
         match self.base {
             Some(base) => decode(base, select, out),
             None => {
-                self.check_zeros()?;
                 let count = if let Select::Only(chosen) = select { chosen.len() } else { self.header.count };
                 out.resize(start + count * width, T::default());
             }
@@ -258,17 +257,6 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Elements without bytes of their own are zeros, and a small file could ask for any number of them: a mesh has
-    /// at least a byte of index or attribute data for each vertex.
-    fn check_zeros(&self) -> Result<()> {
-        let (count, bound) = (self.header.count, self.backing.max(ZEROS));
-        if count <= bound {
-            return Ok(());
-        }
-        let message = format!("{count} elements without data; with these buffers no more than {bound} are believed");
-        Err(Error { kind: Kind::Limit, ..Error::malformed(&self.place, message) })
-    }
-
     fn decode_floats(&self, strided: Strided, select: Select, out: &mut Vec<f32>) {
         let layout = Layout::of(self.header.component, self.header.shape);
         let count = self.header.count;
@@ -292,6 +280,18 @@ impl<'a> Reader<'a> {
             Component::U32 => decode_as!(u32, |x: u32| x as f32),
         }
     }
+}
+
+/// Elements without bytes of their own are zeros, and a small file could ask for any number of them: a mesh has
+/// at least a byte of index or attribute data for each vertex.
+fn check_zeros(header: &Header, buffers: &[Option<Vec<u8>>], place: &str) -> Result<()> {
+    let bytes: usize = buffers.iter().flatten().map(Vec::len).sum();
+    let (count, most) = (header.count, bytes.max(ZEROS));
+    if count <= most {
+        return Ok(());
+    }
+    let message = format!("{count} elements without data; with these buffers no more than {most} are believed");
+    Err(Error { kind: Kind::Limit, ..Error::malformed(place, message) })
 }
 
 /// The bytes of `count` elements, or `None` where they are not all there.
@@ -391,7 +391,8 @@ mod tests {
 
     #[test]
     fn integers_are_read_plain_and_normalised() {
-        let cases: [(u32, &[u8], [f32; 2], [f32; 2]); 4] = [
+        type Case = (u32, &'static [u8], [f32; 2], [f32; 2]);
+        let cases: [Case; 4] = [
             (5120, &[0x81, 0x7f], [-127.0, 127.0], [-1.0, 1.0]),
             (5121, &[0, 255], [0.0, 255.0], [0.0, 1.0]),
             (5122, &[0x00, 0x80, 0xff, 0x7f], [-32768.0, 32767.0], [-1.0, 1.0]),

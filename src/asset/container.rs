@@ -36,7 +36,7 @@ pub struct Chunk {
 
 /// A file taken apart.
 #[derive(Debug)]
-pub(super) struct Unpacked {
+pub(crate) struct Unpacked {
     pub container: Container,
     pub json: Vec<u8>,
     pub bin: Option<Vec<u8>>,
@@ -51,7 +51,7 @@ struct Span {
 
 impl Container {
     /// Takes a file apart: GLB when it begins with the magic number, otherwise all of it is JSON.
-    pub(super) fn unpack(bytes: Vec<u8>) -> Result<Unpacked> {
+    pub(crate) fn unpack(bytes: Vec<u8>) -> Result<Unpacked> {
         if bytes.is_empty() {
             return Err(Error::new(Kind::Malformed, "the file is empty"));
         }
@@ -68,8 +68,7 @@ impl Container {
     /// # Errors
     /// [`Kind::Limit`] when a GLB would pass 4 GiB, which its lengths cannot express;
     /// [`Kind::Internal`] for a BIN chunk in a plain `.gltf`.
-    #[allow(dead_code)] // the writer's side
-    pub(crate) fn pack(&self, json: &[u8], bin: Option<&[u8]>) -> Result<Vec<u8>> {
+    pub fn pack(&self, json: &[u8], bin: Option<&[u8]>) -> Result<Vec<u8>> {
         let Self::Glb { others } = self else {
             return match bin {
                 None => Ok(json.to_vec()),

@@ -4,7 +4,7 @@ use super::accessor::MESHOPT;
 use super::container::{Container, Unpacked};
 use super::cursor::Cursor;
 use super::uri::{self, Directories, Uri};
-use super::{Limits, Resource};
+use super::{Document, Limits, Resource};
 use crate::error::{Error, Kind, Result};
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -37,7 +37,7 @@ fn read_start(path: &Path, length: u64) -> Result<Vec<u8>> {
 }
 
 /// Takes the file apart and parses its JSON.
-pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Value)> {
+pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Document)> {
     let mut unpacked = Container::unpack(read_file(path, limits)?)?;
     let json = std::mem::take(&mut unpacked.json);
     let mut text = json.as_slice();
@@ -53,7 +53,7 @@ pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Value)> {
     if !root.is_object() {
         return Err(Error::malformed("", "the document must be a JSON object"));
     }
-    Ok((unpacked, root))
+    Ok((unpacked, Document::new(root).styled_like(text)))
 }
 
 fn explain_json(error: &serde_json::Error, text: &[u8], path: &Path) -> Error {
@@ -124,14 +124,14 @@ impl Files {
         bin: Option<Vec<u8>>,
     ) -> Result<Option<Vec<u8>>> {
         let length = buffer.need("byteLength")?.integer()?;
-        let short = |found: u64| {
-            let message = format!("byteLength is {length}, but there are {found} bytes");
+        let short = |holder: &str, found: u64| {
+            let message = format!("byteLength is {length}, but {holder} has {found} bytes");
             buffer.error(message).help("the data is truncated: export or copy it again")
         };
         let mut bytes = match self.find_buffer(buffer, directories, bin)? {
             Source::Here(bytes) => bytes,
             Source::File(path) => match file_length(&path)? {
-                found if found < length as u64 => return Err(short(found).in_file(&path)),
+                found if found < length as u64 => return Err(short(&path.display().to_string(), found)),
                 _ => read_start(&path, length as u64)?,
             },
             Source::Missing(_) | Source::Nowhere if is_fallback(buffer) => return Ok(None),
@@ -142,7 +142,7 @@ impl Files {
             Source::Nowhere => return Err(buffer.error("the buffer has neither a uri nor the BIN chunk of a GLB")),
         };
         if bytes.len() < length {
-            return Err(short(bytes.len() as u64));
+            return Err(short("its data", bytes.len() as u64));
         }
         bytes.truncate(length);
         Ok(Some(bytes))

@@ -205,7 +205,11 @@ impl Merger<'_> {
         let mesh = &mut self.geometry.mesh;
         let group = self.geometry.primitives.len() as u32;
         let first = first as u32;
-        mesh.triangles.extend(faces.triangles.iter().map(|t| t.map(|corner| first + corner)));
+        if mesh.triangles.is_empty() && first == 0 {
+            mesh.triangles = faces.triangles;
+        } else {
+            mesh.triangles.extend(faces.triangles.iter().map(|t| t.map(|corner| first + corner)));
+        }
         mesh.groups.resize(mesh.triangles.len(), group);
         let layouts = |target, sources: &[Source]| sources.iter().filter_map(|s| self.plan.layout(target, s)).collect();
         self.geometry.primitives.push(PrimitiveLayout {
@@ -376,4 +380,178 @@ fn check_ids(ids: &[f32], source: &Source) -> Result<()> {
     }
     Err(Error::unsupported(&source.place, "identifiers of 2^24 and more cannot be carried to levels")
         .help("store them as UNSIGNED_SHORT or UNSIGNED_BYTE; glTF allows no other integers here"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::{Asset, Container, Document};
+    use serde_json::{Value, json};
+
+    /// An asset with one mesh; each accessor gets a view of its own over the bytes that it comes with.
+    fn asset(accessors: &[(u32, &str, bool, usize, Vec<u8>)], more: Value) -> Asset {
+        let (mut bytes, mut views, mut objects) = (Vec::new(), Vec::new(), Vec::new());
+        for (i, (component, shape, normalized, count, data)) in accessors.iter().enumerate() {
+            views.push(json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": data.len()}));
+            objects.push(json!({"bufferView": i, "componentType": component, "type": shape, "normalized": normalized,
+                "count": count}));
+            bytes.extend_from_slice(data);
+        }
+        let mut root = json!({"asset": {"version": "2.0"}, "accessors": objects, "bufferViews": views,
+            "buffers": [{"byteLength": bytes.len()}]});
+        root.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        Asset {
+            path: "test.gltf".into(),
+            container: Container::Gltf,
+            document: Document::new(root),
+            buffers: vec![Some(bytes)],
+            resources: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    fn floats(numbers: &[f32]) -> Vec<u8> {
+        numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
+    }
+
+    fn line(count: usize) -> (u32, &'static str, bool, usize, Vec<u8>) {
+        let positions: Vec<_> = (0..count).flat_map(|i| [i as f32, 0.0, 0.0]).collect();
+        (5126, "VEC3", false, count, floats(&positions))
+    }
+
+    fn read(accessors: &[(u32, &str, bool, usize, Vec<u8>)], primitives: Value) -> Result<Geometry> {
+        asset(accessors, json!({"meshes": [{"primitives": primitives}]})).geometry(0, &Limits::default())
+    }
+
+    #[test]
+    fn primitives_over_shared_vertices_each_get_the_ones_they_use() {
+        let accessors = [line(6), (5121, "SCALAR", false, 3, vec![5, 1, 3]), (5121, "SCALAR", false, 3, vec![3, 1, 0])];
+        let geometry = read(
+            &accessors,
+            json!([{"attributes": {"POSITION": 0}, "indices": 1}, {"attributes": {"POSITION": 0}, "indices": 2}]),
+        )
+        .unwrap();
+        let x: Vec<_> = geometry.mesh.positions.iter().map(|p| p[0]).collect();
+        assert_eq!(x, [1.0, 3.0, 5.0, 0.0, 1.0, 3.0]);
+        assert_eq!(geometry.mesh.triangles, [[2, 0, 1], [5, 4, 3]]);
+        assert_eq!(geometry.mesh.groups, [0, 1]);
+        assert_eq!(geometry.primitives[1].vertices, 3..6);
+    }
+
+    #[test]
+    fn attributes_are_united_over_primitives_and_colours_widened() {
+        let accessors = [
+            line(3),
+            (5121, "VEC3", true, 3, vec![255, 0, 0, 0, 255, 0, 0, 0, 255]),
+            (5121, "VEC4", true, 3, vec![0; 12]),
+            (5126, "SCALAR", false, 3, floats(&[1.0, f32::NAN, 3.0])),
+            (5123, "SCALAR", false, 3, vec![7, 0, 8, 0, 9, 0]),
+        ];
+        let geometry = read(
+            &accessors,
+            json!([
+                {"attributes": {"COLOR_0": 1, "POSITION": 0, "_HEAT": 3}},
+                {"attributes": {"POSITION": 0, "COLOR_0": 2, "_FEATURE_ID_0": 4, "_PART": 4}},
+            ]),
+        )
+        .unwrap();
+        let attributes = &geometry.mesh.attributes;
+        let semantics: Vec<_> = attributes.iter().map(|a| (a.semantic, a.width)).collect();
+        let expected = [(Semantic::Color(0), 4), (Semantic::Generic, 1), (Semantic::Id, 1), (Semantic::Id, 1)];
+        assert_eq!(semantics, expected);
+        assert_eq!(attributes[0].values[..8], [1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
+        assert_eq!(attributes[1].values, [1.0, 0.0, 3.0, 0.0, 0.0, 0.0]);
+        assert_eq!(attributes[2].values, [0.0, 0.0, 0.0, 7.0, 8.0, 9.0]);
+        let channels: Vec<_> = geometry.primitives[0].attributes.iter().map(|a| (&*a.name, a.channel)).collect();
+        let expected =
+            [("COLOR_0", Channel::Attribute(0)), ("POSITION", Channel::Position), ("_HEAT", Channel::Attribute(1))];
+        assert_eq!(channels, expected);
+        let warning = geometry.warnings[0].to_string();
+        assert!(warning.contains("/meshes/0/primitives/0/attributes/_HEAT: 1 numbers are not finite"), "{warning}");
+    }
+
+    #[test]
+    fn weights_sum_to_one_over_all_sets() {
+        let weights = floats(&[0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+        let accessors = [
+            line(3),
+            (5121, "VEC4", false, 3, vec![1, 9, 9, 9, 2, 9, 9, 9, 3, 4, 9, 9]),
+            (5126, "VEC4", false, 3, weights.clone()),
+            (5121, "VEC4", false, 3, vec![5; 12]),
+        ];
+        let primitives =
+            json!([{"attributes": {"JOINTS_0": 1, "JOINTS_2": 3, "WEIGHTS_0": 2, "WEIGHTS_2": 2, "POSITION": 0}}]);
+        let geometry = read(&accessors, primitives.clone()).unwrap();
+        let skin = geometry.mesh.skin.unwrap();
+        assert_eq!(skin.influences, 8);
+        assert_eq!(skin.joints[..8], [1, 0, 0, 0, 5, 0, 0, 0]);
+        assert_eq!(skin.weights[..8], [0.5, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0]);
+        assert_eq!((skin.joints[8], skin.weights[8]), (2, 1.0), "without weights: the first joint");
+        assert_eq!(skin.weights[16..], [0.25, 0.25, 0.0, 0.0, 0.25, 0.25, 0.0, 0.0]);
+        assert_eq!(geometry.primitives[0].attributes[3].channel, Channel::Weights(1));
+        assert!(geometry.warnings[0].to_string().contains("1 vertices have no weight"));
+
+        let scene = json!({"meshes": [{"primitives": primitives}], "nodes": [{"mesh": 0, "skin": 0}],
+            "skins": [{"joints": [0, 0, 0, 0]}]});
+        let message = asset(&accessors, scene).geometry(0, &Limits::default()).unwrap_err().to_string();
+        assert!(message.ends_with("vertex 0 follows joint 5, but skins[0] has 4"), "{message}");
+    }
+
+    #[test]
+    fn morph_targets_become_attributes_also_where_a_primitive_leaves_one_out() {
+        let accessors = [line(3), (5126, "VEC3", false, 3, floats(&[2.0; 9]))];
+        let primitives = json!([
+            {"attributes": {"POSITION": 0}, "targets": [{"POSITION": 1}, {"NORMAL": 1}]},
+            {"attributes": {"POSITION": 0}, "targets": [{}, {"POSITION": 1}]},
+        ]);
+        let geometry = read(&accessors, primitives).unwrap();
+        let semantics: Vec<_> = geometry.mesh.attributes.iter().map(|a| a.semantic).collect();
+        assert_eq!(semantics, [Semantic::MorphPosition(0), Semantic::MorphOther(1), Semantic::MorphPosition(1)]);
+        assert_eq!(geometry.mesh.attributes[0].values[9..], [0.0; 9]);
+        assert_eq!(geometry.mesh.attributes[2].values[9..], [2.0; 9]);
+        assert_eq!(geometry.primitives[1].targets[0], []);
+        assert_eq!(geometry.primitives[1].targets[1][0].channel, Channel::Attribute(2));
+    }
+
+    #[test]
+    fn what_is_no_decodable_triangle_is_passed_over() {
+        let geometry = read(
+            &[line(5), (5126, "SCALAR", false, 5, floats(&[0.0; 5]))],
+            json!([
+                {"attributes": {"POSITION": 0}, "mode": 0},
+                {"attributes": {"POSITION": 0}, "mode": 2},
+                {"attributes": {"_X": 1}},
+                {"attributes": {"POSITION": 0}},
+            ]),
+        )
+        .unwrap();
+        let why: Vec<_> = geometry.passed_over.iter().map(|p| (p.primitive, &*p.why, p.carried)).collect();
+        assert_eq!(why, [(0, "points", true), (1, "lines", true), (2, "without positions", true)]);
+        assert_eq!(geometry.primitives[0].primitive, 3);
+        assert_eq!(geometry.mesh.triangles, [[0, 1, 2]]);
+        assert!(geometry.warnings[0].to_string().contains("2 indices at the end make no triangle"));
+    }
+
+    #[test]
+    fn compressed_primitives_are_passed_over_unless_plain_data_stands_beside() {
+        let passed_over = |edit: &dyn Fn(&mut Value)| {
+            let draco = json!({"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}});
+            let primitive = json!({"attributes": {"POSITION": 0}, "extensions": draco});
+            let mut asset = asset(&[line(3)], json!({"meshes": [{"primitives": [primitive]}]}));
+            let mut root = asset.document.root().clone();
+            edit(&mut root);
+            asset.document = Document::new(root);
+            asset.buffers.push(None);
+            let geometry = asset.geometry(0, &Limits::default()).unwrap();
+            geometry.passed_over.first().map(|p| (p.why.clone(), p.carried))
+        };
+        assert_eq!(passed_over(&|_| {}), None);
+        let bare = |root: &mut Value| drop(root["accessors"][0].as_object_mut().unwrap().remove("bufferView"));
+        assert_eq!(passed_over(&bare), Some(("compressed with KHR_draco_mesh_compression".to_owned(), false)));
+        let meshopt = |root: &mut Value| {
+            root["bufferViews"][0]["buffer"] = json!(1);
+            root["bufferViews"][0]["extensions"] = json!({"EXT_meshopt_compression": {}});
+        };
+        assert_eq!(passed_over(&meshopt), Some(("compressed with EXT_meshopt_compression".to_owned(), false)));
+    }
 }

@@ -83,16 +83,16 @@ impl Asset {
 
     fn read_checked(path: &Path, root: &Path, limits: &Limits) -> Result<Self> {
         let (unpacked, document) = files::parse(path, limits)?;
-        let findings = check::check(&document);
+        let findings = check::check(document.root());
         if let Some(problem) = join_problems(findings.problems) {
             return Err(problem);
         }
-        let files = Files::read(path, root, &document, unpacked.bin, limits)?;
+        let files = Files::read(path, root, document.root(), unpacked.bin, limits)?;
         let warnings = [unpacked.warnings, findings.warnings, files.warnings].into_iter().flatten();
         Ok(Self {
             path: path.to_owned(),
             container: unpacked.container,
-            document: Document::new(document),
+            document,
             buffers: files.buffers,
             resources: files.resources,
             warnings: warnings.map(|warning| warning.in_file(path)).collect(),
@@ -111,6 +111,12 @@ impl Asset {
     pub fn scene(&self) -> Scene {
         Scene::of(self)
     }
+}
+
+/// Every structural problem of a document, at most 100; empty means that every index, range and type in it is sound.
+/// [`Asset::read`] refuses documents that have any.
+pub fn find_problems(document: &Document) -> Vec<Error> {
+    check::check(document.root()).problems
 }
 
 /// The first problem, and how many there are besides.

@@ -104,7 +104,7 @@ impl Assembler {
             None => corners.extend(0..u32::try_from(count).unwrap_or(u32::MAX)),
         }
         if let Some(reader) = indices {
-            check_corners(&corners, reader.header.component, count, place)?;
+            check_corners(mode, &corners, reader.header.component, count, place)?;
         }
         let left_over = if mode == Mode::List { corners.len() % 3 } else { 0 };
         let triangles = mode.assemble(&corners);
@@ -146,7 +146,7 @@ impl Assembler {
 }
 
 /// Every index must name a vertex, and none may be the value that restarts a primitive: GPUs drop what follows it.
-fn check_corners(corners: &[u32], component: Component, count: usize, place: &str) -> Result<()> {
+fn check_corners(mode: Mode, corners: &[u32], component: Component, count: usize, place: &str) -> Result<()> {
     let restart = match component {
         Component::U8 => u32::from(u8::MAX),
         Component::U16 => u32::from(u16::MAX),
@@ -158,16 +158,17 @@ fn check_corners(corners: &[u32], component: Component, count: usize, place: &st
     }
     let wrong = |corner: u32| corner as usize >= count || corner == restart;
     let Some((at, &corner)) = corners.iter().enumerate().find(|(_, corner)| wrong(**corner)) else { return Ok(()) };
-    let from = at - at % 3;
-    let triangle = corners.get(from..).map(|rest| rest.get(..3).unwrap_or(rest)).unwrap_or_default();
-    let message = if corner == restart {
-        format!("index {at} is {corner}, which restarts the primitive and names no vertex")
-    } else {
-        format!("index {at} (of {triangle:?}) names vertex {corner}, but there are {count}")
+    let user = match (mode, corners.chunks(3).nth(at / 3)) {
+        (Mode::List, Some(triangle)) => format!("triangle {} {triangle:?}", at / 3),
+        _ => format!("index {at}"),
     };
-    let help = "export the mesh again, with indices of a larger type if the mesh has that many vertices";
-    let error = Error::malformed(format!("{place}/indices"), message);
-    Err(if corner == restart { error.help(help) } else { error })
+    let place = format!("{place}/indices");
+    let error = if corner as usize >= count {
+        Error::malformed(place, format!("{user} names vertex {corner}, but there are {count}"))
+    } else {
+        Error::malformed(place, format!("{user} names vertex {corner}, the value that restarts a primitive"))
+    };
+    Err(if corner == restart { error.help("glTF has no primitive restart: use a larger index type") } else { error })
 }
 
 #[cfg(test)]
@@ -204,12 +205,15 @@ mod tests {
 
     #[test]
     fn wrong_indices_are_named_with_their_triangle() {
-        let check =
-            |corners: &[u32], count| check_corners(corners, Component::U8, count, "/p").map_err(|e| e.to_string());
-        assert_eq!(check(&[0, 1, 2], 3), Ok(()));
-        assert_eq!(check(&[], 0), Ok(()));
-        let message = "/p/indices: index 4 (of [0, 3, 1]) names vertex 3, but there are 3";
-        assert_eq!(check(&[0, 1, 2, 0, 3, 1], 3).unwrap_err(), message);
-        assert!(check(&[0, 1, 255], 256).unwrap_err().contains("index 2 is 255, which restarts the primitive"));
+        let check = |mode, corners: &[u32], count| {
+            check_corners(mode, corners, Component::U8, count, "/p").map_err(|e| e.to_string())
+        };
+        assert_eq!(check(Mode::List, &[0, 1, 2], 3), Ok(()));
+        assert_eq!(check(Mode::List, &[], 0), Ok(()));
+        let corners = [0, 1, 2, 0, 3, 1];
+        let message = "/p/indices: triangle 1 [0, 3, 1] names vertex 3, but there are 3";
+        assert_eq!(check(Mode::List, &corners, 3).unwrap_err(), message);
+        assert_eq!(check(Mode::Fan, &corners, 3).unwrap_err(), "/p/indices: index 4 names vertex 3, but there are 3");
+        assert!(check(Mode::List, &[0, 1, 255], 256).unwrap_err().contains("the value that restarts a primitive"));
     }
 }

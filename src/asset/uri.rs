@@ -85,7 +85,8 @@ impl Directories {
         let readings = [decoded.to_string(), uri.to_owned(), decoded.replace('\\', "/")];
         let mut first = None;
         for reading in readings {
-            let relative = PathBuf::from(&reading);
+            // `./a.png` and `a.png` are one file.
+            let relative: PathBuf = Path::new(&reading).components().filter(|c| *c != Component::CurDir).collect();
             self.check_inside(&relative, uri, place)?;
             let exists = self.asset.join(&relative).is_file();
             if exists {
@@ -181,6 +182,7 @@ mod tests {
         let resolve = |uri: &str| directories.resolve(uri, "/p").map_err(|e| e.to_string());
 
         assert_eq!(resolve("a%20b.bin").unwrap(), ("a b.bin".into(), true));
+        assert_eq!(resolve("./a%20b.bin").unwrap(), ("a b.bin".into(), true));
         assert_eq!(resolve("a b.bin").unwrap(), ("a b.bin".into(), true));
         assert_eq!(resolve("c%20d.bin").unwrap(), ("c%20d.bin".into(), true), "the name as written, too");
         assert_eq!(resolve("../shared.bin").unwrap(), ("../shared.bin".into(), true));

@@ -1,7 +1,7 @@
 //! Progress on stderr: bars on a terminal, a line for each file elsewhere.
 
-use gltf_lod::report::{FileReport, Status};
 use gltf_lod::Observer;
+use gltf_lod::report::{FileReport, Status};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -44,7 +44,8 @@ impl Progress {
     /// The position counts bytes: files differ in size by orders of magnitude, and the time left goes by what is left to read.
     fn show_counts(&self) {
         if let Display::Bars { files, .. } = &self.display {
-            let triangles = self.triangles.load(Ordering::Relaxed) as f64 / self.start.elapsed().as_secs_f64().max(1e-3);
+            let triangles =
+                self.triangles.load(Ordering::Relaxed) as f64 / self.start.elapsed().as_secs_f64().max(1e-3);
             let (done, total) = (self.files_done.load(Ordering::Relaxed), self.files.load(Ordering::Relaxed));
             files.set_message(format!("{done}/{total} files, {triangles:.0} triangles/s"));
         }

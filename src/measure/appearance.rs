@@ -10,6 +10,9 @@ use rayon::prelude::*;
 /// Faces nearer to each other than this share of the diagonal are two sides of one sheet.
 const SHEET: f64 = 1e-6;
 
+/// Cosine between the normals of two sides of a sheet: at most this.
+const BACK_TO_BACK: f64 = -0.999;
+
 /// How far from the closest point, as a share of the diagonal, a better match of the texture coordinates is looked
 /// for: a pixel where the object fills a thousand.
 const SEAM_REACH: f64 = 1e-3;
@@ -110,15 +113,17 @@ impl Appearance {
 }
 
 /// The hit on the side of a sheet that looks along `normal`: where two faces lie back to back, which of the two is
-/// closest is chance.
+/// closest is chance. Faces that merely share an edge are left alone.
 pub fn choose_side(hit: Hit, point: DVec3, normal: DVec3, bvh: &Bvh, normals: &[DVec3], diagonal: f64) -> Hit {
-    let looks_along = |hit: &Hit| normals[hit.triangle as usize].dot(normal) >= 0.0;
-    if looks_along(&hit) {
+    let back = normals[hit.triangle as usize];
+    if back.dot(normal) >= 0.0 {
         return hit;
     }
     let mut best: Option<Hit> = None;
     bvh.visit_within(point, hit.distance() + SHEET * diagonal, |near| {
-        if looks_along(&near) && best.as_ref().is_none_or(|best| near.precedes(best)) {
+        if normals[near.triangle as usize].dot(back) < BACK_TO_BACK
+            && best.as_ref().is_none_or(|best| near.precedes(best))
+        {
             best = Some(near);
         }
     });

@@ -60,11 +60,6 @@ impl Frame {
     pub fn leave(&self, point: DVec3) -> [f32; 3] {
         (point / self.scale + self.center).as_vec3().to_array()
     }
-
-    /// A length in object units, of one in the unit frame.
-    pub fn length(&self, unit: f64) -> f64 {
-        unit / self.scale
-    }
 }
 
 /// For each point the corners at it, one contiguous run a point in one pool.
@@ -163,11 +158,6 @@ impl Surface {
     /// Number of faces.
     pub fn face_count(&self) -> usize {
         self.live
-    }
-
-    /// Upper bound of face ids.
-    pub fn face_slots(&self) -> usize {
-        self.faces.len()
     }
 
     /// Whether the face is still there.

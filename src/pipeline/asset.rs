@@ -48,7 +48,8 @@ fn process_asset(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer)
 
     let meshes = build_meshes(&asset, &scene, job, options, observer)?;
     let mut report = start_report(job);
-    report.warnings = asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
+    report.warnings =
+        asset.warnings.iter().map(|w| Problem::new(w.clone().in_file(&source.path), &source.root)).collect();
     let mut lods = Vec::new();
     for built in meshes {
         report.meshes.push(built.report);
@@ -56,6 +57,7 @@ fn process_asset(job: &Job<'_>, options: &BuildOptions, observer: &dyn Observer)
         lods.extend(built.lods);
     }
     let output = emit::emit(&asset, &lods, &choose_emit_options(settings)).map_err(one)?;
+    emit::verify::check_output(&asset, &output)?;
     let is_copy = output.files.first().is_some_and(|file| matches!(file.content, Content::CopyOf(_)));
     report.status = if is_copy { Status::Unchanged } else { Status::Levels };
     report.written_bytes = if is_copy { source.bytes } else { count_bytes(&output) };

@@ -24,7 +24,9 @@ pub(super) fn find_clashes(assets: &[Source], limits: &Limits) -> BTreeMap<usize
     for (index, claims) in claims.into_iter().enumerate() {
         let clash = claims.iter().find(|(output, source)| owners.get(output).is_some_and(|owner| owner != source));
         match clash {
-            Some((output, source)) => _ = clashes.insert(index, describe_clash(output, source, &owners[output], &assets[index])),
+            Some((output, source)) => {
+                _ = clashes.insert(index, describe_clash(output, source, &owners[output], &assets[index]))
+            }
             None => owners.extend(claims),
         }
     }
@@ -41,5 +43,7 @@ fn list_claims(source: &Source, limits: &Limits) -> Vec<Claim> {
 
 fn describe_clash(output: &Path, source: &Path, owner: &Path, asset: &Source) -> Error {
     let message = format!("{} and {} would both be written to {}", owner.display(), source.display(), output.display());
-    Error::new(Kind::Io, message).in_file(&asset.path).help("build the input directories into separate output directories")
+    Error::new(Kind::Io, message)
+        .in_file(&asset.path)
+        .help("build the input directories into separate output directories")
 }

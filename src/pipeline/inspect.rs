@@ -50,7 +50,10 @@ impl View<'_> {
             mesh: index,
             name: read_name(mesh),
             nodes: self.scene.uses.get(index).map(|mesh_use| mesh_use.nodes.clone()).unwrap_or_default(),
-            primitives: list(mesh.get("primitives")).iter().map(|primitive| self.inspect_primitive(primitive)).collect(),
+            primitives: list(mesh.get("primitives"))
+                .iter()
+                .map(|primitive| self.inspect_primitive(primitive))
+                .collect(),
             targets: list(mesh.get("primitives")).first().map_or(0, |primitive| list(primitive.get("targets")).len()),
         }
     }
@@ -67,7 +70,11 @@ impl View<'_> {
             vertices,
             attributes: attributes.map(|a| a.keys().cloned().collect()).unwrap_or_default(),
             material: primitive.get("material").map(|material| self.name_material(material)),
-            extensions: primitive.get("extensions").and_then(Value::as_object).map(|e| e.keys().cloned().collect()).unwrap_or_default(),
+            extensions: primitive
+                .get("extensions")
+                .and_then(Value::as_object)
+                .map(|e| e.keys().cloned().collect())
+                .unwrap_or_default(),
             index_bytes: indices.map_or(0, |indices| indices.bytes),
             vertex_bytes: vertex_accessors(primitive).into_iter().map(|accessor| self.size(accessor).bytes).sum(),
         }
@@ -112,17 +119,21 @@ impl View<'_> {
 
     fn inspect_level(&self, level: usize, node: usize) -> InspectedLevel {
         let meshes = self.meshes_below(node);
-        let mut found = InspectedLevel { level, node, meshes, triangles: 0, vertices: 0, bytes: 0, coverage: None, error: None };
+        let mut found =
+            InspectedLevel { level, node, meshes, triangles: 0, vertices: 0, bytes: 0, coverage: None, error: None };
         let mut accessors = BTreeSet::new();
         for &mesh in &found.meshes {
             for primitive in list(self.object("meshes", mesh).get("primitives")) {
                 let inspected = self.inspect_primitive(primitive);
                 found.triangles = found.triangles.saturating_add(inspected.triangles);
                 found.vertices = found.vertices.saturating_add(inspected.vertices);
-                accessors.extend(vertex_accessors(primitive).into_iter().chain(primitive.get("indices")).filter_map(Value::as_u64));
+                accessors.extend(
+                    vertex_accessors(primitive).into_iter().chain(primitive.get("indices")).filter_map(Value::as_u64),
+                );
             }
         }
-        found.bytes = accessors.into_iter().map(|accessor| self.size(&accessor.into()).bytes).fold(0, u64::saturating_add);
+        found.bytes =
+            accessors.into_iter().map(|accessor| self.size(&accessor.into()).bytes).fold(0, u64::saturating_add);
         found
     }
 

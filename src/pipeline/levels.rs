@@ -34,7 +34,11 @@ pub(super) fn report_target(target: &Target) -> TargetReport {
 }
 
 /// The levels worth keeping, each with its position in the preset's list, and the others with the reason.
-pub(super) fn keep_levels(levels: Vec<Level>, source_triangles: usize, min_saving: f64) -> (Vec<(usize, Level)>, Vec<DroppedLevel>) {
+pub(super) fn keep_levels(
+    levels: Vec<Level>,
+    source_triangles: usize,
+    min_saving: f64,
+) -> (Vec<(usize, Level)>, Vec<DroppedLevel>) {
     let mut kept: Vec<(usize, Level)> = Vec::new();
     let mut dropped = Vec::new();
     let mut above = source_triangles;
@@ -57,7 +61,9 @@ fn find_fault(triangles: usize, above: usize, min_saving: f64) -> Option<String>
     } else if triangles >= above {
         Some(format!("its {triangles} triangles are not fewer than the {above} of the level above"))
     } else if triangles as f64 > min_saving * above as f64 {
-        Some(format!("its {triangles} triangles are more than min_saving = {min_saving} of the {above} of the level above"))
+        Some(format!(
+            "its {triangles} triangles are more than min_saving = {min_saving} of the {above} of the level above"
+        ))
     } else {
         None
     }
@@ -93,7 +99,10 @@ mod tests {
             refusals: Refusals::default(),
         };
         let (kept, dropped) = keep_levels([95, 80, 80, 40, 0].map(level).into(), 100, 0.9);
-        assert_eq!(kept.iter().map(|(index, level)| (*index, level.mesh.triangles.len())).collect::<Vec<_>>(), [(1, 80), (3, 40)]);
+        assert_eq!(
+            kept.iter().map(|(index, level)| (*index, level.mesh.triangles.len())).collect::<Vec<_>>(),
+            [(1, 80), (3, 40)]
+        );
         assert_eq!(dropped.iter().map(|level| level.requested).collect::<Vec<_>>(), [1, 3, 5]);
     }
 }

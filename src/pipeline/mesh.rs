@@ -44,7 +44,7 @@ impl Task<'_> {
     pub(super) fn build(&self, index: usize) -> Result<BuiltMesh> {
         let names = Names::of(self.asset, self.scene, index);
         let settings = self.presets.settings(&names.borrow())?;
-        let mut report = start_report(index, &names, &settings);
+        let mut report = MeshReport::new(index, names.mesh.clone(), names.users, name_basis(settings.basis));
         if let Some(why) = find_reason_to_skip(self.scene, index, &settings) {
             return Ok(BuiltMesh::skipped(report, why));
         }
@@ -92,24 +92,6 @@ impl Names {
     }
 }
 
-fn start_report(index: usize, names: &Names, settings: &Settings) -> MeshReport {
-    MeshReport {
-        mesh: index,
-        name: names.mesh.clone(),
-        nodes: names.users,
-        triangles: 0,
-        vertices: 0,
-        diagonal: 0.0,
-        radius: 0.0,
-        skipped: None,
-        levels: Vec::new(),
-        dropped: Vec::new(),
-        coverage: Vec::new(),
-        basis: name_basis(settings.basis),
-        notes: Vec::new(),
-    }
-}
-
 fn name_basis(basis: Basis) -> &'static str {
     match basis {
         Basis::Height => "height",
@@ -134,7 +116,8 @@ fn find_reason_to_skip(scene: &Scene, index: usize, settings: &Settings) -> Opti
 
 /// Whether the node carries levels, is one, or hangs below one that does.
 fn belongs_to_levels(scene: &Scene, node: usize) -> bool {
-    let carries = |node: usize| scene.lower.contains(&node) || scene.existing.iter().any(|(carrier, _)| *carrier == node);
+    let carries =
+        |node: usize| scene.lower.contains(&node) || scene.existing.iter().any(|(carrier, _)| *carrier == node);
     let parent = |node: &usize| scene.parent.get(*node).copied().flatten();
     // The document was checked to be a forest; the bound only keeps a bug there from hanging here.
     std::iter::successors(Some(node), parent).take(scene.parent.len() + 1).any(carries)
@@ -161,7 +144,7 @@ fn find_reason_in_geometry(geometry: &Geometry, settings: &Settings) -> Option<S
 }
 
 fn build_levels(mut report: MeshReport, geometry: Geometry, settings: &Settings) -> Result<BuiltMesh> {
-    let ruler = Ruler::new(&geometry.mesh, Sampling { samples: settings.samples, ..Sampling::default() });
+    let ruler = Ruler::new(&geometry.mesh, choose_sampling(settings.samples, report.triangles));
     (report.diagonal, report.radius) = (ruler.diagonal(), ruler.bounding_radius());
     let options = choose_options(settings, report.diagonal, report.radius);
     let chain = simplify::simplify(&geometry.mesh, &options)?;
@@ -179,6 +162,13 @@ fn build_levels(mut report: MeshReport, geometry: Geometry, settings: &Settings)
     let levels = kept.into_iter().map(|(_, level)| LodLevel { mesh: level.mesh }).collect();
     let lods = MeshLods { mesh: report.mesh, geometry, levels, coverage: report.coverage.clone(), extras };
     Ok(BuiltMesh { report, gates, lods: Some(lods) })
+}
+
+/// `samples` is what a large mesh gets; a small one has the same noise with fewer.
+fn choose_sampling(samples: usize, triangles: usize) -> Sampling {
+    let (full, enough) = (Sampling::default(), Sampling::for_triangles(triangles));
+    let share = enough.samples as f64 / full.samples as f64;
+    Sampling { samples: (samples as f64 * share).ceil() as usize, ..full }
 }
 
 /// Every level and its baseline, measured by the same ruler.
@@ -219,9 +209,7 @@ fn switch_levels(report: &mut MeshReport, levels: &[(usize, Level)], settings: &
 /// What a loader or tool needs to make switches of its own: nobody agrees on what coverage means.
 fn describe_for_extras(report: &MeshReport, settings: &Settings) -> Value {
     let source = json!({ "triangles": report.triangles, "error": 0.0, "rms": 0.0 });
-    let level = |level: &LevelReport| {
-        json!({ "triangles": level.triangles, "error": level.error.hausdorff, "rms": level.error.rms })
-    };
+    let level = |level: &LevelReport| json!({ "triangles": level.triangles, "error": level.error.hausdorff, "rms": level.error.rms });
     let levels: Vec<Value> = std::iter::once(source).chain(report.levels.iter().map(level)).collect();
     json!({
         "generator": concat!("gltf-lod ", env!("CARGO_PKG_VERSION")),

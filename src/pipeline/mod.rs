@@ -101,7 +101,7 @@ impl Observer for Unobserved {}
 pub fn build(options: &BuildOptions, observer: &dyn Observer) -> Result<Report> {
     let start = observer.elapsed();
     let destination = choose_destination(options)?;
-    let presets = Presets::new(&options.flags)?;
+    let presets = Presets::new(&options.flags).map_err(blame_preset)?;
     let found = discover(&options.inputs, &destination)?;
     let jobs = resolve_presets(&found, &presets)?;
     observer.found(jobs.len(), jobs.iter().map(|job| job.source.bytes).sum());
@@ -128,7 +128,8 @@ pub fn compare(file: &Path, options: &BuildOptions, observer: &dyn Observer) -> 
         return Err(error.in_file(file));
     }
     // Beside the source and never written: the destination that needs no directory.
-    let options = BuildOptions { inputs: vec![file.to_owned()], output: None, in_place: true, dry_run: true, ..options.clone() };
+    let options =
+        BuildOptions { inputs: vec![file.to_owned()], output: None, in_place: true, dry_run: true, ..options.clone() };
     let report = build(&options, observer)?;
     let error = report.errors().next().map(|problem| problem.error.clone());
     match (error, report.files.into_iter().next()) {
@@ -151,16 +152,23 @@ fn choose_destination(options: &BuildOptions) -> Result<Destination> {
         (Some(out), false) => Ok(Destination::Directory(out.clone())),
         (Some(out), true) => Ok(Destination::DirectoryInPlace(out.clone())),
         (None, true) => Ok(Destination::Sources),
-        (None, false) => {
-            Err(Error::new(Kind::Preset, "no output directory given").help("choose one with -o, or overwrite with --in-place"))
-        }
+        (None, false) => Err(Error::new(Kind::Preset, "no output directory given")
+            .help("choose one with -o, or overwrite with --in-place")),
     }
 }
 
 /// A wrong preset stops the run before anything is written: half a tree built with other presets than meant helps nobody.
 fn resolve_presets<'a>(found: &'a Found, presets: &Presets) -> Result<Vec<Job<'a>>> {
-    let resolve = |source: &'a Source| Ok(Job { source, presets: presets.for_asset(&source.root, &source.path)? });
+    let resolve = |source: &'a Source| {
+        let presets = presets.for_asset(&source.root, &source.path).map_err(blame_preset)?;
+        Ok(Job { source, presets })
+    };
     found.assets.iter().map(resolve).collect()
+}
+
+/// A preset file that cannot be read stops a run as one that is wrong does.
+fn blame_preset(error: Error) -> Error {
+    Error { kind: Kind::Preset, ..error }
 }
 
 fn run_on_threads<T: Send>(jobs: Option<usize>, work: impl FnOnce() -> T + Send) -> Result<T> {
@@ -187,23 +195,25 @@ fn time_since(start: Option<Duration>, observer: &dyn Observer) -> Option<Durati
 /// Copies the files that presets want copied, unless an asset has written them already. Gives their number and what went wrong.
 fn copy_others(found: &Found, presets: &Presets, files: &[FileReport], dry_run: bool) -> (usize, Vec<Problem>) {
     let written: BTreeSet<&Path> = files.iter().flat_map(|file| &file.written).map(PathBuf::as_path).collect();
-    let copy = |source: &Source| -> Option<Result<(), Problem>> {
-        let wanted = match presets.for_asset(&source.root, &source.path) {
-            Ok(presets) => presets.copies(&source.relative),
-            Err(error) => return Some(Err(Problem::new(error, &source.root))),
-        };
-        let needed = wanted && source.path != source.output && !written.contains(source.output.as_path());
-        needed.then(|| if dry_run { Ok(()) } else { copy_file(source) })
+    let is_wanted = |source: &Source| {
+        let presets = presets.for_asset(&source.root, &source.path).map_err(blame_preset)?;
+        let is_new = source.path != source.output && !written.contains(source.output.as_path());
+        Ok(is_new && presets.copies(&source.relative))
     };
-    let results: Vec<_> = found.others.par_iter().filter_map(copy).collect();
-    let copied = results.iter().filter(|result| result.is_ok()).count();
-    (copied, results.into_iter().filter_map(Result::err).collect())
+    let copy = |source: &Source| match is_wanted(source) {
+        Ok(true) if !dry_run => copy_file(source).map(|()| true),
+        known => known,
+    };
+    let results: Vec<Result<bool>> = found.others.par_iter().map(copy).collect();
+    let copied = results.iter().filter(|result| matches!(result, Ok(true))).count();
+    let failed = results.into_iter().zip(&found.others).filter_map(|(result, source)| Some((result.err()?, source)));
+    (copied, failed.map(|(error, source)| Problem::new(error, &source.root)).collect())
 }
 
-fn copy_file(source: &Source) -> Result<(), Problem> {
+fn copy_file(source: &Source) -> Result<()> {
     let (Some(directory), Some(name)) = (source.output.parent(), source.output.file_name()) else { return Ok(()) };
     let file = OutputFile { relative: name.into(), content: Content::CopyOf(source.path.clone()) };
-    emit::write(&Output { files: vec![file], notes: Vec::new() }, directory).map_err(|error| Problem::new(error, &source.root))
+    emit::write(&Output { files: vec![file], notes: Vec::new() }, directory)
 }
 
 fn name_below_inputs(error: Error, options: &BuildOptions) -> Problem {

@@ -120,7 +120,11 @@ pub fn describe_inspection(inspection: &Inspection) -> String {
 fn describe_mesh(mesh: &InspectedMesh) -> String {
     let name = mesh.name.as_ref().map(|name| format!(" \"{name}\"")).unwrap_or_default();
     let users = count(mesh.nodes.len(), "node", "nodes");
-    let targets = if mesh.targets > 0 { format!(", {}", count(mesh.targets, "morph target", "morph targets")) } else { String::new() };
+    let targets = if mesh.targets > 0 {
+        format!(", {}", count(mesh.targets, "morph target", "morph targets"))
+    } else {
+        String::new()
+    };
     let mut table = start_table(&["triangles", "vertices", "index bytes", "vertex bytes", "what"]);
     for primitive in &mesh.primitives {
         let material = primitive.material.as_ref().map(|name| format!(", {name}")).unwrap_or_default();
@@ -135,7 +139,8 @@ fn describe_mesh(mesh: &InspectedMesh) -> String {
 
 fn describe_lod(lod: &InspectedLod) -> String {
     let name = lod.name.as_ref().map(|name| format!(" \"{name}\"")).unwrap_or_default();
-    let mut table = start_table(&["level", "triangles", "vertices", "bytes", "error units", "drawn down to coverage", ""]);
+    let mut table =
+        start_table(&["level", "triangles", "vertices", "bytes", "error units", "drawn down to coverage", ""]);
     for level in &lod.levels {
         let or_dash = |value: Option<f64>| value.map_or("-".to_owned(), significant);
         let cells = [level.level as u64, level.triangles, level.vertices, level.bytes].map(|number| number.to_string());

@@ -5,10 +5,10 @@ mod json;
 mod model;
 mod text;
 
-pub use inspect::{Inspection, InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, describe_inspection};
+pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, describe_inspection};
 pub use json::to_json;
 pub use model::{
-    BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem, Ratio,
-    RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
+    BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
+    Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
 };
 pub use text::{Detail, describe_comparison, describe_file, describe_run};

@@ -7,8 +7,9 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Distances below this share of the diagonal are rounding of 32-bit positions: they count as equal to it in ratios.
-const NOTHING: f64 = 1e-7;
+/// Distances below this share of the diagonal are nothing in ratios: rounding of 32-bit positions, and a thousandth of a pixel on a mesh
+/// that fills the screen.
+const NOTHING: f64 = 1e-6;
 
 /// Everything about one run.
 #[derive(Debug, Clone, Serialize)]
@@ -382,6 +383,27 @@ impl FileReport {
             errors: Vec::new(),
             written: Vec::new(),
             elapsed: None,
+        }
+    }
+}
+
+impl MeshReport {
+    /// `meshes[mesh]`, drawn by so many nodes, about which nothing else is known yet.
+    pub fn new(mesh: usize, name: Option<String>, nodes: usize, basis: &'static str) -> Self {
+        Self {
+            mesh,
+            name,
+            nodes,
+            triangles: 0,
+            vertices: 0,
+            diagonal: 0.0,
+            radius: 0.0,
+            skipped: None,
+            levels: Vec::new(),
+            dropped: Vec::new(),
+            coverage: Vec::new(),
+            basis,
+            notes: Vec::new(),
         }
     }
 }

@@ -6,6 +6,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::time::Duration;
 
+const UNEQUAL: &str =
+    "    * meshoptimizer did not reach the triangle count; its figures are for the count it stopped at\n";
+
 /// How much the text tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
@@ -81,7 +84,8 @@ fn tabulate_levels(meshes: &[&MeshReport]) -> String {
     if deepest == 0 {
         return String::new();
     }
-    let heads = ["level", "triangles", "error %", "error units", "rms ×mo", "hausd. ×mo", "gaps", "coverage", "stopped by"];
+    let heads =
+        ["level", "triangles", "error %", "error units", "rms ×mo", "hausd. ×mo", "gaps", "coverage", "stopped by"];
     let mut table = start_table(&heads);
     let mut unequal = false;
     for index in 0..deepest {
@@ -91,7 +95,7 @@ fn tabulate_levels(meshes: &[&MeshReport]) -> String {
     }
     let mut text = indent(&table);
     if unequal {
-        text += "    * meshoptimizer did not reach the triangle count; its figures are for the count it stopped at\n";
+        text += UNEQUAL;
     }
     text
 }
@@ -100,7 +104,8 @@ fn describe_level(number: usize, levels: &[&LevelReport]) -> [String; 9] {
     let worst = levels.iter().max_by(|a, b| a.error.hausdorff_percent.total_cmp(&b.error.hausdorff_percent));
     let error = worst.map(|level| level.error).unwrap_or_default();
     let star = if levels.iter().any(|level| is_unequal(level)) { "*" } else { "" };
-    let ratio = Ratio::geometric_mean(levels.iter().copied()).or_else(|| Some(levels.first()?.baseline.as_ref()?.ratio));
+    let ratio =
+        Ratio::geometric_mean(levels.iter().copied()).or_else(|| Some(levels.first()?.baseline.as_ref()?.ratio));
     let show = |pick: fn(Ratio) -> f64| ratio.map_or("-".to_owned(), |r| format!("{}{star}", significant(pick(r))));
     [
         number.to_string(),
@@ -116,28 +121,41 @@ fn describe_level(number: usize, levels: &[&LevelReport]) -> [String; 9] {
 }
 
 fn tabulate_comparison(mesh: &MeshReport) -> String {
-    let heads = ["level", "triangles", "rms %", "hausdorff %", "normal °", "gaps", "rms ×", "hausd. ×", "settings"];
+    let heads = ["level", "triangles", "rms %", "hausdorff %", "normal °", "gaps", "rms ×", "hausd. ×", ""];
+    let mut settings: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     let mut table = start_table(&heads);
     for level in &mesh.levels {
         let Some(theirs) = &level.baseline else { continue };
         let pair = |ours: f64, theirs: f64| format!("{} / {}", significant(ours), significant(theirs));
         let star = if theirs.reached { "" } else { "*" };
+        settings.entry(theirs.settings).or_default().push(level.level.to_string());
         add_row(
             &mut table,
             &[
                 level.level.to_string(),
-                format!("{} / {}{star}", level.triangles, theirs.triangles),
+                describe_counts(level.triangles, theirs.triangles),
                 pair(level.error.rms_percent, theirs.error.rms_percent),
                 pair(level.error.hausdorff_percent, theirs.error.hausdorff_percent),
                 pair(level.normal_deg, theirs.normal_deg),
                 format!("{} / {}", level.gap_edges, theirs.gap_edges),
                 significant(theirs.ratio.rms),
                 significant(theirs.ratio.hausdorff),
-                theirs.settings.to_owned(),
+                star.to_owned(),
             ],
         );
     }
-    indent(&table)
+    let mut text = indent(&table);
+    for (name, levels) in settings {
+        _ = writeln!(text, "    meshoptimizer's best, level {}: {name}", levels.join(", "));
+    }
+    if mesh.levels.iter().any(is_unequal) {
+        text += UNEQUAL;
+    }
+    text
+}
+
+fn describe_counts(ours: usize, theirs: usize) -> String {
+    if ours == theirs { ours.to_string() } else { format!("{ours} / {theirs}") }
 }
 
 fn describe_remarks(file: &FileReport, detail: Detail) -> String {
@@ -154,7 +172,9 @@ fn describe_remarks(file: &FileReport, detail: Detail) -> String {
         for mesh in &file.meshes {
             mesh.notes.iter().for_each(|note| remark(format!("note: {}: {note}", name_mesh(mesh))));
             let dropped = mesh.dropped.iter();
-            dropped.for_each(|level| remark(format!("note: {}: level {} dropped: {}", name_mesh(mesh), level.requested, level.why)));
+            dropped.for_each(|level| {
+                remark(format!("note: {}: level {} dropped: {}", name_mesh(mesh), level.requested, level.why))
+            });
         }
     }
     text

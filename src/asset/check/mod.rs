@@ -46,7 +46,8 @@ pub(super) struct Findings {
 /// The document under check.
 struct Document<'a> {
     root: &'a Value,
-    warnings: RefCell<Vec<Error>>,
+    /// The first only: what one attribute does wrong, all the others of the exporter do.
+    warning: RefCell<Option<Error>>,
 }
 
 impl<'a> Document<'a> {
@@ -75,7 +76,7 @@ impl<'a> Document<'a> {
     }
 
     fn warn(&self, warning: Error) {
-        self.warnings.borrow_mut().push(warning);
+        self.warning.borrow_mut().get_or_insert(warning);
     }
 }
 
@@ -85,7 +86,7 @@ pub(super) fn check(root: &Value) -> Findings {
     if let Err(problem) = check_version(&cursor) {
         return Findings { problems: vec![problem], warnings: Vec::new() };
     }
-    let document = Document { root, warnings: RefCell::default() };
+    let document = Document { root, warning: RefCell::default() };
     let mut problems = Vec::new();
     for (array, check) in CHECKS {
         let Some(list) = cursor.get(array) else { continue };
@@ -100,7 +101,7 @@ pub(super) fn check(root: &Value) -> Findings {
         problems.extend(nodes::check_graph(&document).err());
     }
     problems.truncate(MOST);
-    Findings { problems, warnings: document.warnings.into_inner() }
+    Findings { problems, warnings: document.warning.into_inner().into_iter().collect() }
 }
 
 fn check_version(root: &Cursor) -> Result<()> {
