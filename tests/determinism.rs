@@ -18,7 +18,7 @@ fn a_large_mesh_does_not_depend_on_threads() {
 }
 
 fn expect_same_bytes(input: &Path, jobs: &[&str]) {
-    let builds: Vec<Build> = jobs.iter().map(|jobs| build(input, &["--quiet", "--jobs", jobs])).collect();
+    let builds: Vec<Build> = jobs.iter().map(|jobs| build(input, &["--jobs", jobs])).collect();
     let first = files_below(builds[0].out.path());
     assert!(!first.is_empty(), "{}", builds[0].run.stderr);
     for (build, jobs) in builds.iter().zip(jobs) {

@@ -13,17 +13,13 @@ const BY_HAND: [&str; 2] = ["README.md", "gltf-lod.toml"];
 fn generator_reproduces_the_committed_bytes() {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
     let mut expected: BTreeSet<_> = BY_HAND.iter().map(|name| directory.join(name)).collect();
-    for (path, bytes) in make_fixtures::files() {
-        let path = directory.join(path);
+    for (name, bytes) in make_fixtures::files() {
+        let path = directory.join(name);
         let committed = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         assert!(committed == bytes, "{} differs: run `cargo run --example make_fixtures`", path.display());
         expected.insert(path);
     }
-    let found: BTreeSet<_> = walkdir::WalkDir::new(&directory)
-        .into_iter()
-        .map(|entry| entry.expect("fixtures/ is readable"))
-        .filter(|entry| entry.file_type().is_file())
-        .map(|entry| entry.into_path())
-        .collect();
-    assert_eq!(found, expected);
+    let entries = walkdir::WalkDir::new(&directory).into_iter().map(|entry| entry.expect("a readable directory"));
+    let files = entries.filter(|entry| entry.file_type().is_file()).map(walkdir::DirEntry::into_path);
+    assert_eq!(files.collect::<BTreeSet<_>>(), expected);
 }

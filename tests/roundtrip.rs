@@ -3,18 +3,25 @@
 mod support;
 
 use std::path::Path;
+use std::sync::LazyLock;
 use support::difference::forbidden_differences;
 use support::lod_rules::{level_ids, new_roots, violations};
 use support::reader::Gltf;
-use support::{assets_below, build, directory_from, files_below, fixtures, items, report_of, run};
+use support::{Build, assets_below, build, build_shared, directory_from, files_below, fixtures, items, report_of, run};
 
 /// Fixtures whose meshes must not get levels: too small, or with levels already.
 const WITHOUT_NEW_LEVELS: [&str; 2] = ["shapes/cube.glb", "existing_lod/sphere.glb"];
 
+/// All fixtures with their own settings, built once.
+fn built_fixtures() -> &'static Build {
+    static BUILD: LazyLock<Build> = LazyLock::new(|| build_shared("roundtrip", &fixtures(), &[]));
+    assert_eq!(BUILD.run.code, Some(0), "{}", BUILD.run.stderr);
+    &BUILD
+}
+
 #[test]
 fn fixtures_keep_all_they_had_and_gain_valid_levels() {
-    let build = build(&fixtures(), &["--quiet"]);
-    assert_eq!(build.run.code, Some(0), "{}", build.run.stderr);
+    let build = built_fixtures();
     for relative in assets_below(&fixtures()) {
         let (source, output) = (Gltf::open(&fixtures().join(&relative)), Gltf::open(&build.out.path().join(&relative)));
         expect_sound(&relative, &source, &output);
@@ -25,7 +32,7 @@ fn fixtures_keep_all_they_had_and_gain_valid_levels() {
 
 #[test]
 fn untouched_assets_and_resources_are_copied_byte_for_byte() {
-    let build = build(&fixtures(), &["--quiet"]);
+    let build = built_fixtures();
     let (sources, outputs) = (files_below(&fixtures()), files_below(build.out.path()));
     for name in WITHOUT_NEW_LEVELS {
         assert!(outputs[Path::new(name)] == sources[Path::new(name)], "{name} changed");
@@ -43,9 +50,9 @@ fn untouched_assets_and_resources_are_copied_byte_for_byte() {
 #[test]
 fn progressive_layout_keeps_the_document() {
     let settings = tempfile::NamedTempFile::with_suffix(".toml").expect("a temporary file");
-    std::fs::write(settings.path(), "[output]\nlayout = \"progressive\"\n").expect("a writable file");
+    std::fs::write(settings.path(), "layout = \"progressive\"\nsamples = 2000\n").expect("a writable file");
     let config = settings.path().to_str().expect("a UTF-8 path");
-    let build = build(&fixtures(), &["--quiet", "--config", config]);
+    let build = build(&fixtures(), &["--config", config]);
     assert_eq!(build.run.code, Some(0), "{}", build.run.stderr);
     for relative in assets_below(&fixtures()) {
         let (source, output) = (Gltf::open(&fixtures().join(&relative)), Gltf::open(&build.out.path().join(&relative)));
@@ -56,8 +63,8 @@ fn progressive_layout_keeps_the_document() {
 
 #[test]
 fn a_second_run_keeps_the_levels_of_the_first() {
-    let first = build(&fixtures(), &["--quiet"]);
-    let second = build(first.out.path(), &["--quiet"]);
+    let first = built_fixtures();
+    let second = build(first.out.path(), &[]);
     assert_eq!(second.run.code, Some(0), "{}", second.run.stderr);
     assert!(files_below(first.out.path()) == files_below(second.out.path()), "levels were made of levels");
 }
@@ -71,32 +78,28 @@ fn a_dry_run_writes_nothing() {
 
 #[test]
 fn one_file_is_built_like_a_directory() {
-    let whole = build(&fixtures(), &["--quiet"]);
-    let single = build(&fixtures().join("shapes/gear.glb"), &["--quiet"]);
+    let whole = built_fixtures();
+    let single = build(&fixtures().join("shapes/gear.glb"), &[]);
     assert_eq!(single.run.code, Some(0), "{}", single.run.stderr);
     let built = files_below(single.out.path());
     assert_eq!(built.keys().map(|path| path.as_path()).collect::<Vec<_>>(), [Path::new("gear.glb")]);
     // The rules of fixtures/gltf-lod.toml reach up to the input root only: here that is the file's own directory.
-    let triangles = |build: &support::Build, name: &str| {
-        report_of(&build.report, Path::new(name))["meshes"][0]["triangles"].clone()
-    };
-    assert_eq!(triangles(&whole, "shapes/gear.glb"), triangles(&single, "gear.glb"));
+    let triangles =
+        |build: &Build, name: &str| report_of(&build.report, Path::new(name))["meshes"][0]["triangles"].clone();
+    assert_eq!(triangles(whole, "shapes/gear.glb"), triangles(&single, "gear.glb"));
 }
 
 #[test]
 fn outputs_can_be_inspected() {
-    let build = build(&fixtures().join("skinned"), &["--quiet"]);
-    let file = build.out.path().join("bending_cylinder.glb");
+    let relative = Path::new("skinned/bending_cylinder.glb");
+    let file = built_fixtures().out.path().join(relative);
     let inspected = run(&["inspect".as_ref(), "--json".as_ref(), file.as_os_str()]);
     assert_eq!(inspected.code, Some(0), "{}", inspected.stderr);
     let inspected: serde_json::Value = serde_json::from_str(&inspected.stdout).expect("JSON");
     let levels = items(&inspected["lods"][0]["levels"]);
-    let output = Gltf::open(&file);
-    assert_eq!(
-        levels.len(),
-        1 + level_ids(&output, new_roots(&Gltf::open(&fixtures().join("skinned/bending_cylinder.glb")), &output)[0])
-            .len()
-    );
+    let (source, output) = (Gltf::open(&fixtures().join(relative)), Gltf::open(&file));
+    let root = new_roots(&source, &output)[0];
+    assert_eq!(levels.len(), 1 + level_ids(&output, root).len());
 }
 
 #[test]
@@ -107,7 +110,7 @@ fn corpus_keeps_all_it_had_and_gains_valid_levels() {
         if !part.is_dir() || part.ends_with("invalid") {
             continue;
         }
-        let build = build(&part, &["--quiet"]);
+        let build = build(&part, &[]);
         assert!(matches!(build.run.code, Some(0 | 3)), "{}: {}", part.display(), build.run.stderr);
         for relative in assets_below(&part) {
             let output = build.out.path().join(&relative);

@@ -13,7 +13,7 @@ mod shape;
 mod storage;
 mod surfaces;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A file to write, with its path below `fixtures/`.
 pub type File = (&'static str, Vec<u8>);
@@ -25,12 +25,11 @@ pub fn files() -> Vec<File> {
 
 #[allow(dead_code)] // The test includes this file for `files` only.
 fn main() -> std::io::Result<()> {
-    let target = std::env::args_os()
-        .nth(1)
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures"), PathBuf::from);
-    for (path, bytes) in files() {
-        let path = target.join(path);
-        std::fs::create_dir_all(path.parent().unwrap_or(&target))?;
+    for (name, bytes) in files() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent)?;
+        }
         std::fs::write(path, bytes)?;
     }
     Ok(())

@@ -100,7 +100,7 @@ pub fn round_to_storage(level: &mut Mesh, geometry: &Geometry) {
     let members = group_members(level, geometry.primitives.len());
     for (primitive, vertices) in geometry.primitives.iter().zip(&members) {
         for layout in &primitive.attributes {
-            round_attribute(level, geometry, layout, vertices);
+            round_attribute(level, geometry, primitive, layout, vertices);
         }
         for (target, layouts) in primitive.targets.iter().enumerate() {
             for layout in layouts {
@@ -128,7 +128,13 @@ fn group_members(mesh: &Mesh, groups: usize) -> Vec<Vec<u32>> {
     members
 }
 
-fn round_attribute(level: &mut Mesh, geometry: &Geometry, layout: &AttributeLayout, vertices: &[u32]) {
+fn round_attribute(
+    level: &mut Mesh,
+    geometry: &Geometry,
+    primitive: &PrimitiveLayout,
+    layout: &AttributeLayout,
+    vertices: &[u32],
+) {
     let storage = level_storage(geometry, None, layout);
     match (layout.name.as_str(), layout.channel) {
         ("NORMAL", Channel::Attribute(index)) => {
@@ -139,7 +145,7 @@ fn round_attribute(level: &mut Mesh, geometry: &Geometry, layout: &AttributeLayo
             for_each_element(level, index, vertices, |t| t[3] = if t[3] < 0.0 { -1.0 } else { 1.0 });
         }
         (name, Channel::Attribute(index)) if name.starts_with("COLOR_") => {
-            let (low, high) = colour_range(&geometry.mesh, index);
+            let (low, high) = colour_range(&geometry.mesh, primitive, index);
             for_each_element(level, index, vertices, |c| c.iter_mut().for_each(|x| *x = x.clamp(low, high)));
         }
         _ => {}
@@ -173,10 +179,13 @@ fn for_each_element(level: &mut Mesh, attribute: usize, vertices: &[u32], mut ed
     }
 }
 
-/// [0, 1], widened to what the source has: a source with brighter colours keeps them.
-fn colour_range(source: &Mesh, attribute: usize) -> (f32, f32) {
-    let values = source.attributes.get(attribute).map_or(&[][..], |a| &a.values);
-    values.iter().fold((0.0f32, 1.0f32), |(low, high), &x| (low.min(x), high.max(x)))
+/// [0, 1], widened to what the primitive has in the source: one with brighter colours keeps them.
+fn colour_range(source: &Mesh, primitive: &PrimitiveLayout, attribute: usize) -> (f32, f32) {
+    let values = source.attributes.get(attribute).and_then(|a| {
+        let [start, end] = [primitive.vertices.start, primitive.vertices.end].map(|v| v as usize * a.width);
+        a.values.get(start..end)
+    });
+    values.unwrap_or_default().iter().fold((0.0f32, 1.0f32), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 /// Makes the first three numbers of each element a unit vector.

@@ -28,10 +28,28 @@ pub struct Run {
 pub struct Build {
     /// The run.
     pub run: Run,
-    /// Its output directory, deleted with this value.
-    pub out: TempDir,
+    /// Its output directory.
+    pub out: Directory,
     /// The `--report`; null if none was written.
     pub report: Value,
+}
+
+/// A directory that is deleted with this value, if it is a temporary one.
+pub enum Directory {
+    /// Temporary.
+    Own(TempDir),
+    /// Kept, below `target`, so that a build can be shared by the tests of a binary.
+    Shared(PathBuf),
+}
+
+impl Directory {
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Own(directory) => directory.path(),
+            Self::Shared(path) => path,
+        }
+    }
 }
 
 /// `fixtures/` of the repository.
@@ -55,18 +73,32 @@ pub fn run<A: AsRef<OsStr>>(arguments: &[A]) -> Run {
     Run { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
-/// Builds `input` into a fresh directory, with a report.
+/// Builds `input` into a fresh directory, quietly, with a report and few samples.
 pub fn build(input: &Path, options: &[&str]) -> Build {
-    let out = TempDir::new().expect("a temporary directory");
-    let report = TempDir::new().expect("a temporary directory");
-    let report_file = report.path().join("report.json");
+    build_into(Directory::Own(TempDir::new().expect("a temporary directory")), input, options)
+}
+
+/// The same into a directory below `target` that goes by `name`.
+pub fn build_shared(name: &str, input: &Path, options: &[&str]) -> Build {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    if path.exists() {
+        std::fs::remove_dir_all(&path).expect("a directory of an earlier run");
+    }
+    build_into(Directory::Shared(path), input, options)
+}
+
+fn build_into(out: Directory, input: &Path, options: &[&str]) -> Build {
+    let report = tempfile::NamedTempFile::new().expect("a temporary file");
+    let quick = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/support/quick.toml");
     let mut arguments = vec![OsStr::new("build"), input.as_os_str(), OsStr::new("-o"), out.path().as_os_str()];
-    arguments.extend([OsStr::new("--report"), report_file.as_os_str()]);
+    arguments.extend([OsStr::new("--quiet"), OsStr::new("--report"), report.path().as_os_str()]);
+    if !options.contains(&"--config") {
+        arguments.extend([OsStr::new("--config"), quick.as_os_str()]);
+    }
     arguments.extend(options.iter().map(OsStr::new));
     let run = run(&arguments);
-    let report = std::fs::read(&report_file)
-        .map_or(Value::Null, |text| serde_json::from_slice(&text).expect("the report is JSON"));
-    Build { run, out, report }
+    let report = std::fs::read(report.path()).ok().and_then(|text| serde_json::from_slice(&text).ok());
+    Build { run, out, report: report.unwrap_or(Value::Null) }
 }
 
 /// The `.glb` and `.gltf` files below `directory`, relative, sorted.

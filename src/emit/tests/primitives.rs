@@ -168,6 +168,17 @@ fn vanished_normals_and_tangents_take_the_direction_of_their_faces() {
     assert_eq!((tangent.truncate().length(), tangent.z, tangent.w), (1.0, 0.0, 1.0));
 }
 
+#[test]
+fn colours_stay_within_what_gltf_and_the_source_allow() {
+    let colours = |values: [f32; 3]| Attribute { semantic: Semantic::Color(0), width: 3, values: values.repeat(3) };
+    let layout = layout("COLOR_0", Component::F32, false, Shape::Vec3, Channel::Attribute(0));
+    let mut geometry = geometry(vec![vec![layout]]);
+    geometry.mesh = Mesh { attributes: vec![colours([0.5, 4.0, 0.0])], ..triangles(1) };
+    let mut mesh = Mesh { attributes: vec![colours([-0.25, 3.0, 5.0])], ..triangles(1) };
+    round_to_storage(&mut mesh, &geometry);
+    assert_eq!(mesh.attributes[0].values[..3], [0.0, 3.0, 4.0]);
+}
+
 fn skinned(component: Component, joints: Vec<u16>, weights: Vec<f32>) -> (Mesh, Geometry) {
     let sets = joints.len() / 4;
     let mut mesh = triangles(1);
