@@ -9,6 +9,9 @@ use crate::mesh::{Mesh, Semantic};
 use crate::meshoptimizer::{self, Flags, Input, MAX_ATTRIBUTES};
 use glam::{DVec2, DVec3, Vec3};
 
+/// How often a run that ended below its target is repeated.
+const RETRIES: usize = 4;
+
 /// meshoptimizer's result for one target.
 #[derive(Debug, Clone)]
 pub struct Baseline {
@@ -66,9 +69,9 @@ impl Settings {
 /// meshoptimizer's best comparable settings: see [`simplify_by`].
 ///
 /// # Errors
-/// [`Kind::Malformed`] when an index of `mesh` is out of range or an array has the wrong length.
+/// [`Kind::Malformed`] when an index of `mesh` is out of range, an array has the wrong length or a number is not finite.
 pub fn simplify(mesh: &Mesh, triangles: usize) -> Result<Baseline> {
-    check_lengths(mesh)?;
+    check_mesh(mesh)?;
     simplify_by(mesh, triangles, &Ruler::new(mesh, Sampling::for_triangles(triangles)))
 }
 
@@ -116,9 +119,18 @@ pub fn simplify_with(mesh: &Mesh, triangles: usize, settings: Settings) -> Resul
     Prepared::new(mesh)?.run(triangles, settings)
 }
 
-/// Triangles that a result is away from the target; 0 if it counts as met.
+/// Triangles that a result is away from the target; 0 if it counts as met. Worse than any other: nothing left at all, as pruning
+/// may do.
 fn miss(baseline: &Baseline, target: usize) -> usize {
-    if baseline.reached { 0 } else { baseline.mesh.triangles.len().abs_diff(target) }
+    match baseline.mesh.triangles.len() {
+        _ if baseline.reached => 0,
+        0 => usize::MAX,
+        found => found.abs_diff(target),
+    }
+}
+
+fn is_met(found: usize, target: usize) -> bool {
+    found.abs_diff(target) <= target / 100 + 2
 }
 
 /// A mesh as the library wants it.
@@ -142,7 +154,7 @@ struct Channel {
 
 impl Prepared {
     fn new(mesh: &Mesh) -> Result<Self> {
-        check_lengths(mesh)?;
+        check_mesh(mesh)?;
         let mesh = merge_equal_vertices(&separate_groups(mesh));
         let groups = find_vertex_groups(&mesh);
         let (channels, weights) = weigh_attributes(&mesh);
@@ -157,7 +169,32 @@ impl Prepared {
         Ok(Self { mesh, groups, protected, channels, values, weights })
     }
 
+    /// One step of the library can take many triangles, so that it ends below the target: then what to ask for is bisected, and the
+    /// result that comes closest from below counts.
     fn run(&self, target: usize, settings: Settings) -> Result<Baseline> {
+        let target = target.min(self.mesh.triangles.len());
+        let mut best = self.run_once(target, target, settings)?;
+        let (mut enough, mut limit) = (target, 2 * target - best.mesh.triangles.len().min(target));
+        for _ in 0..RETRIES {
+            let found = best.mesh.triangles.len();
+            if best.reached || found == 0 || enough >= limit {
+                break;
+            }
+            let wanted = (enough + limit).div_ceil(2);
+            let other = self.run_once(wanted, target, settings)?;
+            if other.mesh.triangles.len() > target {
+                limit = wanted - 1;
+                continue;
+            }
+            enough = wanted;
+            if other.mesh.triangles.len() > found {
+                best = other;
+            }
+        }
+        Ok(best)
+    }
+
+    fn run_once(&self, wanted: usize, target: usize, settings: Settings) -> Result<Baseline> {
         let (values, weights) = if settings.attributes { (&*self.values, &*self.weights) } else { Default::default() };
         let input = Input {
             positions: &self.mesh.positions,
@@ -168,14 +205,14 @@ impl Prepared {
         };
         let flags = settings.flags();
         let mesh = if settings.update {
-            let updated = meshoptimizer::simplify_with_update(&input, target, flags)?;
+            let updated = meshoptimizer::simplify_with_update(&input, wanted, flags)?;
             let mut source = Mesh { positions: updated.positions, ..self.mesh.clone() };
             self.store_values(&mut source, &updated.attributes, weights.len());
             extract(&source, updated.triangles, &self.groups)
         } else {
-            extract(&self.mesh, meshoptimizer::simplify(&input, target, flags)?, &self.groups)
+            extract(&self.mesh, meshoptimizer::simplify(&input, wanted, flags)?, &self.groups)
         };
-        let reached = mesh.triangles.len().abs_diff(target) <= target / 100 + 2;
+        let reached = is_met(mesh.triangles.len(), target);
         Ok(Baseline { mesh, settings: settings.name(), reached })
     }
 
@@ -338,7 +375,7 @@ fn find_group_borders(mesh: &Mesh, groups: &[u32]) -> Vec<bool> {
     border
 }
 
-fn check_lengths(mesh: &Mesh) -> Result<()> {
+fn check_mesh(mesh: &Mesh) -> Result<()> {
     let vertices = mesh.positions.len();
     let expect = |what: &str, found: usize, width: usize, count: usize| {
         if Some(found) == count.checked_mul(width) {
@@ -356,11 +393,151 @@ fn check_lengths(mesh: &Mesh) -> Result<()> {
     if !mesh.groups.is_empty() {
         expect("groups", mesh.groups.len(), 1, mesh.triangles.len())?;
     }
+    if let Some(vertex) = mesh.positions.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+        return Err(Error::new(Kind::Malformed, format!("the position of vertex {vertex} is not finite")));
+    }
     match mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= vertices)) {
         Some(t) => Err(Error::new(
             Kind::Malformed,
             format!("triangle {t} has the vertices {:?}, but there are {vertices}", mesh.triangles[t]),
         )),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Attribute;
+
+    const SAMPLING: Sampling = Sampling { samples: 2_000, seed: 1 };
+
+    /// A latitude-longitude sphere of 4 n (n − 1) triangles, no vertex shared. Only `faceted` gives its corners different
+    /// normals.
+    fn sphere(n: u32, faceted: bool) -> Mesh {
+        let at = |ring: u32, segment: u32| {
+            let polar = std::f32::consts::PI * ring as f32 / n as f32;
+            let azimuth = std::f32::consts::PI * (segment % (2 * n)) as f32 / n as f32;
+            let radius = if ring == 0 || ring == n { 0.0 } else { polar.sin() };
+            Vec3::new(radius * azimuth.cos(), radius * azimuth.sin(), polar.cos())
+        };
+        let mut mesh = Mesh::default();
+        let mut normals = Vec::new();
+        for (ring, segment) in (0..n).flat_map(|ring| (0..2 * n).map(move |segment| (ring, segment))) {
+            let quad = [at(ring, segment), at(ring + 1, segment), at(ring + 1, segment + 1), at(ring, segment + 1)];
+            let halves = [(ring + 1 < n, [0, 1, 2]), (ring > 0, [0, 2, 3])];
+            for (_, triangle) in halves.into_iter().filter(|(there, _)| *there) {
+                let first = mesh.positions.len() as u32;
+                let corners = triangle.map(|i| quad[i]);
+                let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+                mesh.positions.extend(corners.map(|p| p.to_array()));
+                normals.extend(corners.iter().flat_map(|&p| if faceted { flat } else { p }.to_array()));
+                mesh.triangles.push([first, first + 1, first + 2]);
+            }
+        }
+        mesh.attributes.push(Attribute { semantic: Semantic::Normal, width: 3, values: normals });
+        mesh
+    }
+
+    fn check(mesh: &Mesh) {
+        check_mesh(mesh).unwrap();
+        assert_eq!(merge_equal_vertices(mesh).triangles.len(), mesh.triangles.len());
+        let used: std::collections::BTreeSet<u32> = mesh.triangles.iter().flatten().copied().collect();
+        assert_eq!(used.len(), mesh.positions.len());
+    }
+
+    #[test]
+    fn a_smooth_sphere_meets_every_target() {
+        let mesh = sphere(20, false);
+        for target in [760, 380, 100, 20] {
+            let baseline = simplify(&mesh, target).unwrap();
+            assert!(baseline.reached && baseline.mesh.triangles.len() <= target, "{}", baseline.mesh.triangles.len());
+            assert!(baseline.settings.starts_with("attributes"));
+            check(&baseline.mesh);
+        }
+    }
+
+    /// Every edge is a seam: only `permissive` gets anywhere.
+    #[test]
+    fn a_faceted_sphere_needs_permissive() {
+        let mesh = sphere(12, true);
+        let attributes = Settings { attributes: true, ..Settings::default() };
+        assert!(!simplify_with(&mesh, 130, attributes).unwrap().reached);
+        let baseline = simplify(&mesh, 130).unwrap();
+        assert!(baseline.reached && baseline.settings.contains("permissive"), "{}", baseline.settings);
+        assert_eq!(Ruler::new(&mesh, SAMPLING).measure(&baseline.mesh).gap_edges, 0);
+        check(&baseline.mesh);
+    }
+
+    #[test]
+    fn the_best_is_not_worse_than_any_that_was_tried() {
+        let mesh = sphere(16, false);
+        let ruler = Ruler::new(&mesh, SAMPLING);
+        let best = ruler.measure(&simplify_by(&mesh, 120, &ruler).unwrap().mesh).rms();
+        for (permissive, update) in [(false, false), (false, true), (true, false), (true, true)] {
+            let settings = Settings { attributes: true, permissive, update, ..Settings::default() };
+            let other = simplify_with(&mesh, 120, settings).unwrap();
+            assert!(best <= ruler.measure(&other.mesh).rms(), "{}", other.settings);
+        }
+    }
+
+    /// Every triangle is a group of its own: no vertex may leave its place.
+    #[test]
+    fn an_impossible_target_is_reported() {
+        let mesh = sphere(8, true);
+        let mesh = Mesh { groups: (0..mesh.triangles.len() as u32).collect(), ..mesh };
+        let baseline = simplify(&mesh, 50).unwrap();
+        assert!(!baseline.reached && baseline.mesh.triangles.len() > 50, "{}", baseline.mesh.triangles.len());
+    }
+
+    /// The two halves of a sphere, one group each, vertices shared on the way in.
+    #[test]
+    fn groups_stay_apart_and_closed() {
+        let mut mesh = sphere(16, false);
+        mesh.groups = mesh.triangles.iter().map(|t| u32::from(mesh.positions[t[0] as usize][0] > 0.1)).collect();
+        let mesh = Mesh { groups: mesh.groups.clone(), ..merge_equal_vertices(&Mesh { groups: Vec::new(), ..mesh }) };
+        for permissive in [false, true] {
+            for update in [false, true] {
+                let settings = Settings { attributes: true, permissive, update, ..Settings::default() };
+                let result = simplify_with(&mesh, 200, settings).unwrap().mesh;
+                check(&result);
+                for (t, triangle) in result.triangles.iter().enumerate() {
+                    let groups = find_vertex_groups(&result);
+                    assert!(triangle.iter().all(|&v| groups[v as usize] == result.group(t)));
+                }
+                assert!(result.groups.contains(&0) && result.groups.contains(&1));
+                assert_eq!(Ruler::new(&mesh, SAMPLING).measure(&result).gap_edges, 0);
+            }
+        }
+    }
+
+    #[test]
+    fn vertices_that_groups_share_are_copied() {
+        let mesh = Mesh {
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
+            triangles: vec![[0, 1, 2], [2, 1, 3]],
+            groups: vec![4, 7],
+            ..Mesh::default()
+        };
+        let apart = separate_groups(&mesh);
+        assert_eq!(apart.positions.len(), 6);
+        assert_eq!(apart.triangles, [[0, 1, 2], [5, 4, 3]]);
+        assert_eq!(apart.positions[5], mesh.positions[2]);
+    }
+
+    #[test]
+    fn malformed_meshes_are_refused() {
+        let good = sphere(4, false);
+        let mut bad = good.clone();
+        bad.triangles[3][1] = 9999;
+        assert_eq!(simplify(&bad, 10).unwrap_err().kind, Kind::Malformed);
+        let mut bad = good.clone();
+        bad.attributes[0].values.pop();
+        assert_eq!(simplify(&bad, 10).unwrap_err().kind, Kind::Malformed);
+        let bad = Mesh { groups: vec![0; 3], ..good.clone() };
+        assert_eq!(simplify(&bad, 10).unwrap_err().kind, Kind::Malformed);
+        let mut bad = good;
+        bad.positions[2][0] = f32::NAN;
+        assert_eq!(simplify(&bad, 10).unwrap_err().kind, Kind::Malformed);
     }
 }

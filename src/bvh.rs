@@ -11,8 +11,9 @@
 
 use glam::{DVec3, Vec3A};
 
-/// Triangles a leaf: the cheapest of 1, 2, 4, 8 on meshes of 1 k to 70 k triangles.
-const LEAF: usize = 4;
+/// Triangles a leaf. A measurement on the 70 k-triangle bunny takes 2.0 M triangle and 9.1 M box tests with 4, 1.3 M and 10.0 M
+/// with 2, 0.8 M and 11.1 M with 1 (and twice the nodes); a triangle test costs several box tests.
+const LEAF: usize = 2;
 
 /// Traversal keeps at most one postponed child a level, and 2³² triangles are 31 levels deep.
 const STACK: usize = 40;
@@ -432,7 +433,7 @@ mod tests {
         fn agrees_with_brute_force(
             (positions, triangles) in soup(),
             points in prop::collection::vec(prop::array::uniform3(-3.0f64..3.0), 1..20),
-            exponent in -120i32..120,
+            exponent in -110i32..110,
             shift in prop::array::uniform3(-1e3f32..1e3),
         ) {
             let scale = 2f32.powi(exponent);
@@ -448,7 +449,8 @@ mod tests {
                 prop_assert_eq!(Some(hit), bvh.closest_near(point, hint.as_ref()));
                 let near_enough = bvh.closest_beyond(point, hit.distance() * 1.001, hint.as_ref());
                 prop_assert!(near_enough.is_none());
-                prop_assert_eq!(Some(hit), bvh.closest_beyond(point, hit.distance() * 0.999 - 1e-300, hint.as_ref()));
+                let beyond = bvh.closest_beyond(point, hit.distance() * 0.999, hint.as_ref());
+                prop_assert_eq!((hit.distance_squared > 0.0).then_some(hit), beyond);
 
                 let mut within = Vec::new();
                 bvh.visit_within(point, hit.distance() * 1.5, |h| within.push(h.triangle));

@@ -89,8 +89,10 @@ impl<'a> Expansion<'a> {
             self.add_preset(at, &name.value, conditions, &unknown)?;
         }
         let layer = &self.layers[at];
+        let for_some_meshes = !conditions.is_empty() && body.keys.find_file_wide().is_some();
+        let keys = if for_some_meshes { Arc::new(body.keys.without_file_wide()) } else { body.keys.clone() };
         self.steps.push(Step {
-            keys: body.keys.clone(),
+            keys,
             conditions: conditions.to_vec(),
             source: body.source.clone(),
             label: layer.label.clone(),

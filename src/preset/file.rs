@@ -118,6 +118,13 @@ fn read_rule(source: &Arc<Source>, rule: &Placed<model::Rule>) -> Result<Rule> {
         let help = "add a key such as `levels`, `extends` or `skip = true`";
         return Err(source.error(rule.span.clone(), "this rule sets nothing", Some(help)));
     }
+    if names != NameConditions::default()
+        && let Some((key, span)) = keys.find_file_wide()
+    {
+        let title = format!("`{key}` holds for whole files, not for single meshes");
+        let help = "set it at the top of a file, or in a rule whose only condition is `path`";
+        return Err(source.error(span, &title, Some(help)));
+    }
     Ok(Rule {
         path: path.as_ref().map(|path| path.0.clone()),
         names: (names != NameConditions::default()).then(|| Arc::new(names)),

@@ -18,6 +18,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
+use std::ops::Range;
 
 /// Hands the list of keys to the macro `$then`, after `$head`.
 macro_rules! each_key {
@@ -84,14 +85,14 @@ macro_rules! each_key {
         /// Coverage below which nothing is drawn any more, from 0 to 0.99; 0 draws the last level for ever.
         cull_coverage: PartialShare,
 
-        /// What happens to files that have levels already.
-        existing: Existing,
+        /// What happens to levels that a file has already. Holds for whole files.
+        existing: Placed<Existing>,
 
-        /// Where the data of levels goes.
-        layout: Layout,
+        /// Where the data of levels goes. Holds for whole files.
+        layout: Placed<Layout>,
 
-        /// Names of level nodes; `{name}` is the node's own name, `{level}` is 1 for the finest level.
-        naming: Naming,
+        /// Names of level nodes; `{name}` is the node's own name, `{level}` is 1 for the finest level. Holds for whole files.
+        naming: Placed<Naming>,
 
         /// Points on each surface at which the error of a level is measured, 100 to 10000000. More take longer and find
         /// smaller peaks.
@@ -200,10 +201,27 @@ each_key!(define_table {
         /// Only meshes that use a material with such a name. One pattern or a list of which one has to match.
         pub material: Option<OneOrMore<NamePattern>>,
 
-        /// Presets that this rule builds on, by name: built-in ones or tables `[preset.NAME]`.
+        /// Presets that this rule builds on, by name: built-in ones or tables `[preset.NAME]`. What they say of whole files
+        /// (`existing`, `layout`, `naming`) counts only where `path` is the rule's only condition.
         pub extends: Option<Placed<OneOrMore<String>>>,
     }
 });
+
+impl Keys {
+    /// A key among these that holds for whole files and so cannot differ from mesh to mesh, with its place.
+    pub fn find_file_wide(&self) -> Option<(&'static str, Range<usize>)> {
+        let Self { existing, layout, naming, .. } = self;
+        let existing = existing.as_ref().map(|key| ("existing", key.span.clone()));
+        let layout = layout.as_ref().map(|key| ("layout", key.span.clone()));
+        let naming = naming.as_ref().map(|key| ("naming", key.span.clone()));
+        existing.or(layout).or(naming)
+    }
+
+    /// The keys that may differ from mesh to mesh.
+    pub fn without_file_wide(&self) -> Self {
+        Self { existing: None, layout: None, naming: None, ..self.clone() }
+    }
+}
 
 /// Tables `[[rule]]` in their order, with their places.
 #[derive(Debug, Clone, Default)]
@@ -364,9 +382,9 @@ replaced!(
     Schedule,
     EdgePolicy,
     Basis,
-    Existing,
-    Layout,
-    Naming,
+    Placed<Existing>,
+    Placed<Layout>,
+    Placed<Naming>,
     Weight,
     SplitFactor,
     Pixels,

@@ -1,5 +1,6 @@
 //! From merged keys to the settings of one mesh.
 
+use super::level::Level;
 use super::model::{GateKeys, Keys, WeightKeys};
 use super::number::{Count, Multiple, Weight};
 use super::value::Gate;
@@ -9,24 +10,23 @@ use crate::simplify;
 
 /// The settings that `keys` give. `default.toml` sets every key, so none is missing.
 pub fn resolve(keys: &Keys) -> Result<Settings> {
-    let Keys { levels, coverage, .. } = keys;
-    let levels = required(levels.as_ref(), "levels")?;
-    let cull_coverage = required(keys.cull_coverage, "cull_coverage")?.get();
+    let levels = &required(keys.levels.as_ref(), "levels")?.value.0;
     Ok(Settings {
         skip: None,
         simplify: resolve_simplify(keys)?,
-        levels: levels.value.0.iter().map(|level| level.target()).collect(),
+        levels: levels.iter().map(Level::target).collect(),
         min_source_triangles: required(keys.min_source_triangles, "min_source_triangles")?.get(),
+        // A preset says what has to be saved, the settings what may be kept.
         min_saving: 1.0 - required(keys.min_saving, "min_saving")?.get(),
         screen_height: required(keys.screen_height, "screen_height")?.get(),
         pixel_tolerance: required(keys.pixel_tolerance, "pixel_tolerance")?.get(),
-        coverage: required(coverage.as_ref(), "coverage")?.value.clone(),
+        coverage: required(keys.coverage.as_ref(), "coverage")?.value.clone(),
         basis: required(keys.basis, "basis")?,
-        cull_coverage,
+        cull_coverage: required(keys.cull_coverage, "cull_coverage")?.get(),
         gates: keys.gates.map(resolve_gates).unwrap_or_default(),
-        layout: required(keys.layout, "layout")?,
-        existing: required(keys.existing, "existing")?,
-        naming: required(keys.naming.as_ref(), "naming")?.template().to_owned(),
+        layout: required(keys.layout.as_ref(), "layout")?.value,
+        existing: required(keys.existing.as_ref(), "existing")?.value,
+        naming: required(keys.naming.as_ref(), "naming")?.value.template().to_owned(),
         samples: required(keys.samples, "samples")?.get(),
     })
 }

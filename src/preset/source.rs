@@ -6,6 +6,7 @@
 use crate::error::{Error, Kind, Result};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use serde::de::DeserializeOwned;
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::ops::Range;
@@ -19,6 +20,9 @@ const LONGEST_WORD: usize = 40;
 
 /// More names are no help.
 const MOST_NAMES: usize = 40;
+
+/// Characters of a message, without the picture.
+const LONGEST_TITLE: usize = 300;
 
 /// What people write first, and the key that does it.
 const OTHER_WORDS: [(&str, &str); 6] = [
@@ -94,6 +98,7 @@ impl Source {
 
     /// An error at the byte range `span`: what is wrong, and the way out.
     pub fn error(&self, span: Range<usize>, title: &str, help: Option<&str>) -> Error {
+        let title = shorten(title);
         let span = self.first_line_of(span);
         let (line, column) = self.position(span.start);
         let snippet = Snippet::source(self.text.as_str()).annotation(AnnotationKind::Primary.span(span));
@@ -136,6 +141,14 @@ fn read_at_most(path: &Path, limit: usize) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(limit as u64 + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// A message stays readable whatever the file is full of.
+fn shorten(title: &str) -> Cow<'_, str> {
+    match title.char_indices().nth(LONGEST_TITLE) {
+        Some((end, _)) => format!("{}…", title.get(..end).unwrap_or_default()).into(),
+        None => title.into(),
+    }
 }
 
 /// serde's wording, in words that a newcomer to TOML and Rust understands: title and help.

@@ -36,3 +36,24 @@ pub(crate) fn cheapest(positions: &[DVec3], cost: impl Fn(DVec3) -> f64) -> Opti
         .filter(|c| c.cost.is_finite())
         .min_by(|a, b| a.cost.total_cmp(&b.cost))
 }
+
+/// Where points may go: the source's bounding box with some slack. A handful of faces that keep a volume, or an ill-conditioned optimum, would
+/// stick out far.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Room {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Room {
+    pub fn of(points: &[DVec3]) -> Self {
+        let (low, high) =
+            points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+        let slack = 0.02 * low.distance(high);
+        Self { low: low - slack, high: high + slack }
+    }
+
+    pub fn contains(&self, x: DVec3) -> bool {
+        x.cmpge(self.low).all() && x.cmple(self.high).all()
+    }
+}

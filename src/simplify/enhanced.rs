@@ -7,7 +7,7 @@
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
 use super::constraints::Constraints;
-use super::cost::{Candidate, Cost, cheapest};
+use super::cost::{Candidate, Cost, Room, cheapest};
 use super::options::Options;
 use super::quadric::{Quadric, Volume};
 use crate::attributes::Metric;
@@ -45,26 +45,6 @@ struct PointState {
     volume: Volume,
     /// |K| of the source, averaged at merges.
     curvature: f64,
-}
-
-/// The source's bounding box with some slack: a handful of faces that keep a volume would stick out far.
-#[derive(Debug, Clone, Copy)]
-struct Room {
-    low: DVec3,
-    high: DVec3,
-}
-
-impl Room {
-    fn of(points: &[DVec3]) -> Self {
-        let (low, high) =
-            points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
-        let slack = 0.02 * low.distance(high);
-        Self { low: low - slack, high: high + slack }
-    }
-
-    fn contains(&self, x: DVec3) -> bool {
-        x.cmpge(self.low).all() && x.cmple(self.high).all()
-    }
 }
 
 impl Enhanced {

@@ -10,12 +10,13 @@ use smallvec::SmallVec;
 
 /// Cosine of the largest angle by which a collapse may turn a face.
 const FLIP_COSINE: f64 = 0.2;
-/// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle and may only get better.
+/// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle.
 const NEEDLE_QUALITY: f64 = 0.06;
 
 /// Why a collapse was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
+    Vanish,
     Link,
     Flip,
     Needle,
@@ -26,7 +27,7 @@ pub(crate) enum Cause {
 impl Refusals {
     pub(crate) fn count(&mut self, cause: Cause) {
         *match cause {
-            Cause::Link => &mut self.link,
+            Cause::Link | Cause::Vanish => &mut self.link,
             Cause::Flip => &mut self.flip,
             Cause::Needle => &mut self.needle,
             Cause::Border => &mut self.border,
@@ -35,19 +36,34 @@ impl Refusals {
     }
 }
 
-/// How much is forbidden. Each step down is taken only when the one before leaves nothing to collapse.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Strictness {
-    /// Topology, seams and shape are kept.
-    Full,
-    /// Seams may end inside the surface and needles may appear.
-    Seams,
-    /// Handles and holes may close.
-    Topology,
+impl Cause {
+    /// What the collapse pays if it may happen all the same; `None` if it may not.
+    fn fine(self) -> Option<f64> {
+        match self {
+            Self::Needle => Some(4.0),
+            // What closes a handle or flattens a plank to a card: better than losing the plank.
+            Self::Link => Some(8.0),
+            Self::Seam => Some(16.0),
+            Self::Border => Some(32.0),
+            Self::Flip | Self::Vanish => None,
+        }
+    }
+
+    /// The cost with the fine, for an edge of this length; `None` if no fine buys the collapse. Where the surface is flat and the cost nothing, the
+    /// fine is still something: as much as a shape error of a hundredth of the length.
+    pub fn fined(self, cost: f64, length_squared: f64) -> Option<f64> {
+        self.fine().map(|factor| factor * (cost + 1e-4 * length_squared * length_squared))
+    }
 }
 
-/// Checks topology: the collapse must not join sheets, close holes or leave nothing behind (link condition).
-pub(crate) fn check_topology(surface: &Surface, merge: &Merge, on_border: (bool, bool)) -> Result<(), Cause> {
+/// Checks that something is left of the piece.
+pub(crate) fn check_remains(surface: &Surface, merge: &Merge) -> Result<(), Cause> {
+    // Whole pieces go at a price of their own, see `prune`.
+    if merge.surviving(surface).next().is_none() { Err(Cause::Vanish) } else { Ok(()) }
+}
+
+/// Checks topology: the collapse must not join sheets or close holes (link condition).
+pub(crate) fn check_topology(surface: &Surface, merge: &Merge) -> Result<(), Cause> {
     let neighbours = |point: u32| {
         let mut found: SmallVec<[u32; 16]> = SmallVec::new();
         for &corner in surface.ring(point) {
@@ -62,27 +78,21 @@ pub(crate) fn check_topology(surface: &Surface, merge: &Merge, on_border: (bool,
     let (near, far) = (neighbours(merge.kept), neighbours(merge.gone));
     let across: SmallVec<[u32; 4]> =
         merge.faces.iter().flat_map(|&f| surface.face(f)).filter(|&p| p != merge.kept && p != merge.gone).collect();
-    let common = |p: &u32| far.contains(p);
-    if near.iter().filter(|p| common(p)).any(|p| !across.contains(p)) {
+    if near.iter().any(|p| far.contains(p) && !across.contains(p)) {
         return Err(Cause::Link);
     }
-    if on_border.0 && on_border.1 {
+    // Faces over the same points across the edge, one at either end, would lie on each other (the tetrahedron).
+    let over_across = |&c: &u32| surface.opposite(c).iter().all(|p| across.contains(p));
+    if merge.surviving(surface).filter(over_across).count() > 1 {
+        return Err(Cause::Link);
+    }
+    if is_on_border(surface, merge.kept) && is_on_border(surface, merge.gone) {
         let kind = edge_kind(surface, merge.kept, merge.gone).unwrap_or_default();
         if !kind.has(EdgeKind::BORDER) && !kind.has(EdgeKind::COMPLEX) {
             return Err(Cause::Border);
         }
     }
-    check_remains(surface, merge, &across)
-}
-
-/// Something must be left of the piece, and no two faces may come to lie on each other (the tetrahedron).
-fn check_remains(surface: &Surface, merge: &Merge, across: &[u32]) -> Result<(), Cause> {
-    let (mut survivors, mut over_across) = (0, 0);
-    for corner in merge.surviving(surface) {
-        survivors += 1;
-        over_across += usize::from(surface.opposite(corner).iter().all(|p| across.contains(p)));
-    }
-    if survivors == 0 || over_across > 1 { Err(Cause::Link) } else { Ok(()) }
+    Ok(())
 }
 
 /// Whether a point lies on an open edge.
@@ -102,8 +112,9 @@ pub(crate) fn is_on_border(surface: &Surface, point: u32) -> bool {
     !once.is_empty()
 }
 
-/// Checks the faces that survive: none may turn by more than the limit, none may become a needle that was none.
+/// Checks the faces that survive: none may turn by more than the limit; with `needles`, none may become a worse needle than was there.
 pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needles: bool) -> Result<(), Cause> {
+    let mut worst = f64::INFINITY;
     for corner in merge.surviving(surface) {
         let before = surface.triangle(Surface::face_of(corner));
         let mut after = before;
@@ -112,14 +123,10 @@ pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, nee
         if old != DVec3::ZERO && new.dot(old) < FLIP_COSINE {
             return Err(Cause::Flip);
         }
-        if needles {
-            let quality = face_quality(after);
-            if quality < NEEDLE_QUALITY && quality < face_quality(before) {
-                return Err(Cause::Needle);
-            }
-        }
+        worst = worst.min(face_quality(after));
     }
-    Ok(())
+    let was_worse = || merge.corners(surface).any(|c| face_quality(surface.triangle(Surface::face_of(c))) <= worst);
+    if needles && worst < NEEDLE_QUALITY && !was_worse() { Err(Cause::Needle) } else { Ok(()) }
 }
 
 /// 4√3 · area / Σ edge²: 1 for an equilateral triangle, 0 for a degenerate one.

@@ -1,7 +1,7 @@
 //! The costs of the papers: accumulated quadrics (QEM), and with Gaussian curvature added (ESQEM).
 
 use super::constraints::Constraints;
-use super::cost::{Candidate, Cost, cheapest};
+use super::cost::{Candidate, Cost, Room, cheapest};
 use super::options::Options;
 use super::quadric::Quadric;
 use crate::attributes::Metric;
@@ -15,6 +15,7 @@ use glam::DVec3;
 /// Quadrics summed up at merges (ESQEM eq. 1–7), plus `ω·K(e)` (eq. 12, 13).
 pub(crate) struct Paper {
     constraints: Constraints,
+    room: Room,
     options: Options,
     quadrics: Vec<Quadric>,
     curvatures: Vec<Curvature>,
@@ -28,6 +29,7 @@ impl Paper {
     pub fn qem(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
         let mut paper = Self {
             constraints: Constraints::new(options),
+            room: Room::of(&surface.points),
             options: options.clone(),
             quadrics: vec![Quadric::default(); surface.points.len()],
             curvatures: Vec::new(),
@@ -89,7 +91,7 @@ impl Paper {
         let [pa, pb] = [a, b].map(|p| surface.points[p as usize]);
         let middle = (pa + pb) * 0.5;
         // An optimum far away is an ill-conditioned one.
-        let near = |x: &DVec3| x.distance_squared(middle) < 4.0 * pa.distance_squared(pb);
+        let near = |x: &DVec3| x.distance_squared(middle) < 4.0 * pa.distance_squared(pb) && self.room.contains(*x);
         let positions: &[DVec3] = match fixed.or_else(|| quadric.minimum().filter(near)) {
             Some(x) => &[x],
             None => &[pa, pb, middle],

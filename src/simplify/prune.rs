@@ -4,6 +4,9 @@ use crate::curvature::normal_and_area;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
 
+/// A rope is seen for its length: no piece counts less area than this share of its squared diagonal.
+const SEEN_SHARE: f64 = 0.1;
+
 /// A connected piece of the surface.
 #[derive(Debug, Clone)]
 pub(crate) struct Piece {
@@ -13,12 +16,11 @@ pub(crate) struct Piece {
     pub cost: f64,
 }
 
-/// The pieces that cost no more than `limit`, cheapest first. Never all: the dearest piece stays.
-pub(crate) fn cheap_pieces(surface: &Surface, limit: f32) -> Vec<Piece> {
+/// The connected pieces, cheapest first, without the dearest: that one stays.
+pub(crate) fn pieces(surface: &Surface) -> Vec<Piece> {
     let mut pieces = split_pieces(surface);
     pieces.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.faces.cmp(&b.faces)));
     pieces.pop();
-    pieces.retain(|p| p.cost <= f64::from(limit));
     pieces
 }
 
@@ -26,7 +28,7 @@ pub(crate) fn cheap_pieces(surface: &Surface, limit: f32) -> Vec<Piece> {
 pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, touched: &mut [bool]) -> usize {
     let fresh =
         |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize]);
-    if piece.faces.len() > most + 1 || !piece.faces.iter().all(fresh) {
+    if most == 0 || piece.faces.len() > most + 1 || !piece.faces.iter().all(fresh) {
         return 0;
     }
     for &face in &piece.faces {
@@ -62,7 +64,10 @@ fn split_pieces(surface: &Surface) -> Vec<Piece> {
     }
     gathered
         .into_iter()
-        .map(|(faces, area, low, high)| Piece { faces, cost: area * low.distance_squared(high) / 12.0 })
+        .map(|(faces, area, low, high)| {
+            let square = low.distance_squared(high);
+            Piece { faces, cost: area.max(SEEN_SHARE * square) * square / 12.0 }
+        })
         .collect()
 }
 

@@ -1,9 +1,7 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
-use super::guard::Strictness;
-use super::reducer::Reducer;
+use super::reducer::{Outcome, Reducer, Terms};
 use super::{Stop, prune};
-use crate::simplify::guard::Cause;
 use smallvec::SmallVec;
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
@@ -15,6 +13,7 @@ struct Entry {
     a: u32,
     b: u32,
     version: u32,
+    paid: bool,
 }
 
 impl Ord for Entry {
@@ -46,6 +45,7 @@ struct Queue {
 impl Queue {
     fn fill(reducer: &mut Reducer) -> Self {
         let edges = reducer.refresh();
+        reducer.count_locked(&edges);
         let mut queue =
             Self { heap: BinaryHeap::with_capacity(edges.len()), versions: vec![0; reducer.surface.points.len()] };
         for e in &edges {
@@ -54,14 +54,11 @@ impl Queue {
         queue
     }
 
-    fn push(&mut self, reducer: &mut Reducer, a: u32, b: u32) {
-        if reducer.is_locked(a, b) {
-            reducer.refusals.count(Cause::Border);
-        }
+    fn push(&mut self, reducer: &Reducer, a: u32, b: u32) {
         let (a, b) = (a.min(b), a.max(b));
         if let Some(candidate) = reducer.judge(a, b) {
             let version = self.version(a, b);
-            self.heap.push(Reverse(Entry { cost: candidate.cost, a, b, version }));
+            self.heap.push(Reverse(Entry { cost: candidate.cost, a, b, version, paid: false }));
         }
     }
 
@@ -70,53 +67,47 @@ impl Queue {
     }
 }
 
-/// One collapse in so many faces may be done under relaxed rules before the strict ones are tried again.
-const RELAXED_SHARE: usize = 200;
-
 /// Reduces to `target` faces (± 1).
 pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
-    let mut strictness = Strictness::Full;
     while reducer.surface.face_count() > target {
         let before = reducer.surface.face_count();
-        drain(reducer, target, strictness);
-        if reducer.surface.face_count() < before {
-            strictness = Strictness::Full;
-            continue;
+        drain(reducer, target);
+        if reducer.surface.face_count() == before {
+            return Stop::Stuck;
         }
-        strictness = match strictness {
-            Strictness::Full => Strictness::Seams,
-            Strictness::Seams => Strictness::Topology,
-            Strictness::Topology => return Stop::Stuck,
-        };
     }
     Stop::Target
 }
 
 /// Collapses until the target or the end of the queue. Refused edges come back when something next to them changes.
-fn drain(reducer: &mut Reducer, target: usize, strictness: Strictness) {
+fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
-    let mut pieces = prune::cheap_pieces(&reducer.surface, f32::INFINITY).into_iter().peekable();
+    let mut pieces = prune::pieces(&reducer.surface).into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
-    let mut relaxed = 0;
-    while reducer.surface.face_count() > target {
-        let Some(Reverse(entry)) = queue.heap.pop() else { return };
+    while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
+        let Some(Reverse(entry)) = queue.heap.pop() else {
+            // Nothing may collapse any more: then whole pieces have to go.
+            let Some(piece) = pieces.next() else { return };
+            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            continue;
+        };
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
-        while let Some(piece) = pieces.next_if(|p| p.cost <= entry.cost) {
-            let left = reducer.surface.face_count().saturating_sub(target);
+        if let Some(piece) = pieces.next_if(|p| p.cost <= entry.cost) {
             prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            queue.heap.push(Reverse(entry));
+            continue;
         }
-        let left = reducer.surface.face_count().saturating_sub(target);
-        let Some(candidate) = reducer.judge(entry.a, entry.b).filter(|_| left > 0) else { continue };
-        if reducer.collapse((entry.a, entry.b), candidate, strictness, left + 1).is_ok() {
-            touched[entry.a as usize] = true;
-            requeue(&mut queue, reducer, entry.a, entry.b);
-            // Relaxed rules apply to a few collapses; then the strict ones get their turn.
-            relaxed += usize::from(strictness != Strictness::Full);
-            if relaxed * RELAXED_SHARE > reducer.surface.face_count() {
-                return;
+        let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
+        let terms = Terms { paid: entry.paid, most: left + 1 };
+        match reducer.collapse((entry.a, entry.b), candidate, terms) {
+            Outcome::Done(_) => {
+                touched[entry.a as usize] = true;
+                requeue(&mut queue, reducer, entry.a, entry.b);
             }
+            Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { cost, paid: true, ..entry })),
+            Outcome::Refused => {}
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Refusals;
 use super::constraints::Constraints;
 use super::cost::{Candidate, Cost};
 use super::enhanced::Enhanced;
-use super::guard::{Cause, Strictness, check_shape, check_topology, is_on_border};
+use super::guard::{Cause, check_remains, check_shape, check_topology};
 use super::options::{Algorithm, Mode, Options};
 use super::paper::Paper;
 use crate::attributes::Solution;
@@ -58,26 +58,22 @@ impl Reducer {
         self.cost.judge(&self.surface, a, b, fixed)
     }
 
-    /// Whether both ends may not move.
-    pub fn is_locked(&self, a: u32, b: u32) -> bool {
-        self.locked[a as usize] && self.locked[b as usize]
+    /// Counts the edges that may not collapse because both ends are locked.
+    pub fn count_locked(&mut self, edges: &[Edge]) {
+        let locked = |e: &&Edge| self.locked[e.a as usize] && self.locked[e.b as usize];
+        self.refusals.border += edges.iter().filter(locked).count() as u64;
     }
 
-    /// Collapses `b` into `a` unless a guard refuses or more than `most` faces would go; gives the faces removed.
-    pub fn collapse(
-        &mut self,
-        (a, b): (u32, u32),
-        candidate: Candidate,
-        strictness: Strictness,
-        most: usize,
-    ) -> Result<usize, Option<Cause>> {
+    /// Collapses an edge unless a guard refuses.
+    pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
         let merge = Merge::new(&self.surface, a, b);
-        if merge.faces.is_empty() || merge.faces.len() > most {
-            return Err(None);
+        if merge.faces.is_empty() || merge.faces.len() > terms.most {
+            return Outcome::Refused;
         }
-        if let Err(cause) = self.check(&merge, candidate, strictness) {
+        if let Err(cause) = self.check(&merge, candidate, terms) {
             self.refusals.count(cause);
-            return Err(Some(cause));
+            let length_squared = self.surface.points[a as usize].distance_squared(self.surface.points[b as usize]);
+            return cause.fined(candidate.cost, length_squared).map_or(Outcome::Refused, Outcome::Fined);
         }
         let (start, end) = (self.surface.points[a as usize], self.surface.points[b as usize]);
         let along = end - start;
@@ -88,17 +84,38 @@ impl Reducer {
         self.solution.write(&mut self.surface.wedges);
         self.locked[a as usize] |= self.locked[b as usize];
         self.cost.merged(a, b);
-        Ok(merge.faces.len())
+        Outcome::Done(merge.faces.len())
     }
 
-    fn check(&self, merge: &Merge, candidate: Candidate, strictness: Strictness) -> Result<(), Cause> {
-        if strictness < Strictness::Topology {
-            let border = (is_on_border(&self.surface, merge.kept), is_on_border(&self.surface, merge.gone));
-            check_topology(&self.surface, merge, border)?;
+    fn check(&self, merge: &Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+        check_remains(&self.surface, merge)?;
+        check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
+        if !terms.paid {
+            check_topology(&self.surface, merge)?;
+            if !self.constraints.seams_are_free() && !merge.keeps_seams() {
+                return Err(Cause::Seam);
+            }
         }
-        if strictness < Strictness::Seams && !self.constraints.seams_are_free() && !merge.keeps_seams() {
-            return Err(Cause::Seam);
-        }
-        check_shape(&self.surface, merge, candidate.position, strictness < Strictness::Seams)
+        Ok(())
     }
+}
+
+/// On what terms a collapse is tried.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Terms {
+    /// The fine is in its cost already: what it was for is allowed.
+    pub paid: bool,
+    /// Most faces that may go.
+    pub most: usize,
+}
+
+/// What became of a collapse.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Outcome {
+    /// Done; so many faces are gone.
+    Done(usize),
+    /// It may happen at this cost, when its turn comes.
+    Fined(f64),
+    /// It may not happen now.
+    Refused,
 }

@@ -106,6 +106,13 @@ fn every_class_points_at_its_place_and_says_what_to_write() {
         ("copy = ['a', 'b\\c']", "1:14", 5, "`/` between directories", ""),
         ("[[rule]]\nskip = true", "1:1", 8, "this rule has no condition", "add `path`, `node`"),
         ("[[rule]]\nmesh = 'a'", "1:1", 8, "this rule sets nothing", "`skip = true`"),
+        (
+            "[[rule]]\nmesh = 'a'\nlayout = 'append'",
+            "3:10",
+            8,
+            "`layout` holds for whole files",
+            "only condition is `path`",
+        ),
         // Names.
         ("extends = 'mobil'", "1:11", 7, "unknown preset `mobil`", "did you mean `mobile`?"),
         ("extends = ['mobile', 'xyz']", "1:22", 5, "unknown preset `xyz`", "there is `character`, `default`"),

@@ -125,6 +125,14 @@ fn presets_build_on_each_other() {
 }
 
 #[test]
+fn what_holds_for_whole_files_does_not_change_from_mesh_to_mesh() {
+    let text = "naming = '{level}'\n[[rule]]\nmesh = 'a'\nextends = 'default'\n[[rule]]\npath = 'b.glb'\nnaming = 'b{level}'\n";
+    let files = [("gltf-lod.toml", text)];
+    let naming = |asset, name| read(&files, asset).settings(&mesh(name)).unwrap().naming;
+    assert_eq!((naming("a.glb", "a"), naming("b.glb", "a")), ("{level}".to_owned(), "b{level}".to_owned()));
+}
+
+#[test]
 fn extending_default_starts_afresh() {
     let files = [("gltf-lod.toml", "extends = 'mobile'"), ("a/gltf-lod.toml", "extends = 'default'")];
     assert_eq!(settings(&files, "a/x.glb"), Settings::default());
