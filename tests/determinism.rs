@@ -14,7 +14,7 @@ fn outputs_and_report_do_not_depend_on_threads() {
 #[test]
 fn a_large_mesh_does_not_depend_on_threads() {
     let Some(corpus) = support::directory_from("GLTF_LOD_CORPUS") else { return };
-    expect_same_bytes(&corpus.join("static-pbr/zdm2"), &["1", "2", "7"]);
+    expect_same_bytes(&corpus.join("skinned/mannequiny"), &["1", "2", "7"]);
 }
 
 fn expect_same_bytes(input: &Path, jobs: &[&str]) {

@@ -33,7 +33,7 @@ fn every_level_meets_its_target_or_says_what_stopped_it() {
             let wanted = target["ratio"]
                 .as_f64()
                 .map(|ratio| (ratio * source as f64).round())
-                .expect("--levels asks for ratios");
+                .expect("the settings ask for ratios");
             match level["stop"].as_str() {
                 Some("target") => {
                     assert!((triangles as f64 - wanted).abs() <= 1.0, "{relative}: {triangles} triangles for {wanted}");
@@ -193,8 +193,8 @@ fn corpus_levels_have_no_gaps() {
 
 /// All fixtures with four steep levels instead of their own.
 fn steep_levels() -> &'static Build {
-    static BUILD: LazyLock<Build> =
-        LazyLock::new(|| build_shared("quality-steep", &fixtures(), &["--levels", "0.6,0.3,0.15,0.08"]));
+    const CONFIG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/support/steep.toml");
+    static BUILD: LazyLock<Build> = LazyLock::new(|| build_shared("quality-steep", &fixtures(), &["--config", CONFIG]));
     expect_success(&BUILD)
 }
 
