@@ -55,32 +55,39 @@ impl Metric {
 
     /// Σ area · weight² · (difference)² over the faces at both ends, for the best values at `position`.
     pub fn deviation(&self, surface: &Surface, merge: &Merge, position: DVec3) -> f64 {
-        let mut classes: SmallVec<[(u32, f64, Row); 4]> = SmallVec::new();
+        let mut classes: SmallVec<[Spread; 4]> = SmallVec::new();
         let mut squares = 0.0;
         for corner in merge.corners(surface) {
             let Some((area, lambda)) = extrapolation(surface, Surface::face_of(corner), position) else { continue };
-            let class = merge.target(surface.wedge_at(corner));
-            let at = classes.iter().position(|c| c.0 == class).unwrap_or_else(|| {
-                classes.push((class, 0.0, SmallVec::from_elem(0.0, self.terms.len())));
-                classes.len() - 1
-            });
             let rows = surface.face_wedges(Surface::face_of(corner)).map(|w| surface.wedges.row(w));
-            let (_, total, sums) = &mut classes[at];
-            *total += f64::from(area);
-            for (&(i, weight), sum) in self.terms.iter().zip(sums.iter_mut()) {
-                let value = rows[0][i] * lambda[0] + rows[1][i] * lambda[1] + rows[2][i] * lambda[2];
-                *sum += area * value;
-                squares += f64::from(area * weight * value * value);
+            let value = |i: usize| rows[0][i] * lambda[0] + rows[1][i] * lambda[1] + rows[2][i] * lambda[2];
+            let wedge = merge.target(surface.wedge_at(corner));
+            let Some(class) = classes.iter_mut().find(|c| c.wedge == wedge) else {
+                let first = self.terms.iter().map(|t| value(t.0)).collect();
+                classes.push(Spread { wedge, area, first, sum: SmallVec::from_elem(0.0, self.terms.len()) });
+                continue;
+            };
+            class.area += area;
+            for (k, &(i, weight)) in self.terms.iter().enumerate() {
+                let difference = value(i) - class.first[k];
+                class.sum[k] += area * difference;
+                squares += f64::from(area * weight * difference * difference);
             }
         }
-        let explained: f64 = classes
-            .iter()
-            .flat_map(|(_, total, sums)| {
-                self.terms.iter().zip(sums).map(move |((_, weight), sum)| f64::from(weight * sum * sum) / total)
-            })
-            .sum();
-        (squares - explained).max(0.0)
+        let explained = classes.iter().flat_map(|class| {
+            let square = move |(t, sum): (&(usize, f32), &f32)| f64::from(t.1 * sum * sum / class.area);
+            self.terms.iter().zip(&class.sum).map(square)
+        });
+        (squares - explained.sum::<f64>()).max(0.0)
     }
+}
+
+/// The values that the faces of one wedge extend to, as differences to the first of them: equal values cancel exactly.
+struct Spread {
+    wedge: u32,
+    area: f32,
+    first: Row,
+    sum: Row,
 }
 
 /// A unit normal that turns by δ over an edge of length L hides a shape error of about δ·L/8.

@@ -19,7 +19,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Pull towards the edge's midpoint, relative to the quadric's trace: decides where the surface does not.
-const STIFFNESS: f64 = 1e-3;
+const STIFFNESS: f64 = 1e-7;
 /// Largest K·|e|² that counts; beyond it the surface is not resolved anyway.
 const CURVATURE_CAP: f64 = 20.0;
 /// Weight of K·|e|² at a curvature weight of 1.
@@ -29,7 +29,7 @@ const ANGLE_EXPONENT: f64 = 0.15;
 /// 1 − cos of the angle between the end normals of an edge that counts as flat.
 const FLAT_ANGLE: f64 = 0.02;
 /// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
-const LENGTH_COST: f64 = 1e-6;
+const LENGTH_COST: f64 = 1e-9;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
