@@ -1,3 +1,7 @@
-//! Command line of gltf-lod.
+//! Command line of gltf-lod: parse, run, exit code.
 
-fn main() {}
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run(&cli::parse())
+}

@@ -1,17 +1,27 @@
 //! A glTF mesh as one plain [`Mesh`]: its triangle primitives are the groups.
 
+use super::accessor::{Reader, compression};
+use super::cursor::Cursor;
+use super::merge::{Joints, Part, Source, merge};
+use super::primitive::Mode;
+use super::{Asset, Document, Limits};
+use crate::error::{Error, Kind, Result};
 use crate::mesh::Mesh;
+use serde_json::Value;
 
 /// The triangle geometry of one glTF mesh and how it was stored.
 #[derive(Debug, Clone)]
 pub struct Geometry {
     /// All decodable triangle primitives (lists, strips, fans) as one mesh; group `g` is `primitives[g]`.
-    /// Vertices of a primitive are consecutive, in its accessor order, primitive after primitive.
+    /// Vertices of a primitive are consecutive, in its accessors' order, primitive after primitive; elements that no
+    /// triangle uses are left out, so that many primitives over one large vertex buffer cost only what each draws.
     pub mesh: Mesh,
     /// How each group was stored.
     pub primitives: Vec<PrimitiveLayout>,
     /// Primitives that are not in `mesh`: points, lines, compressed geometry.
     pub passed_over: Vec<PassedOver>,
+    /// What was put right on the way: numbers that are not finite, indices that make no triangle.
+    pub warnings: Vec<Error>,
 }
 
 /// A primitive that goes through unchanged.
@@ -30,7 +40,7 @@ pub struct PassedOver {
 pub struct PrimitiveLayout {
     /// Index into `meshes[m].primitives`.
     pub primitive: usize,
-    /// Its vertices in the plain mesh.
+    /// Its vertices in the plain mesh: those elements of its accessors that its triangles use.
     pub vertices: std::ops::Range<u32>,
     /// Its attributes, in the document's order, `POSITION` among them.
     pub attributes: Vec<AttributeLayout>,
@@ -61,7 +71,7 @@ pub enum Channel {
     /// `mesh.attributes[i]`; of its `width` numbers the first `Shape::width()` count (a VEC3 colour in a mesh
     /// whose other primitive has VEC4 is widened with 1).
     Attribute(usize),
-    /// `mesh.skin.joints`, influences `4·set..4·set+4`.
+    /// `mesh.skin.joints`, influences `4·set..4·set+4`; sets are counted in the order of their numbers.
     Joints(usize),
     /// `mesh.skin.weights`, influences `4·set..4·set+4`.
     Weights(usize),
@@ -133,6 +143,13 @@ impl Shape {
         }
     }
 
+    /// The element type of this glTF name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Scalar, Self::Vec2, Self::Vec3, Self::Vec4, Self::Mat2, Self::Mat3, Self::Mat4]
+            .into_iter()
+            .find(|shape| shape.name() == name)
+    }
+
     /// glTF name: `VEC3`.
     pub fn name(self) -> &'static str {
         match self {
@@ -145,4 +162,110 @@ impl Shape {
             Self::Mat4 => "MAT4",
         }
     }
+}
+
+/// The triangle primitives of `meshes[index]`.
+pub(super) fn read(asset: &Asset, index: usize, limits: &Limits) -> Result<Geometry> {
+    let root = asset.document.root();
+    let Some(mesh) = Cursor::top(root, "meshes", index) else {
+        return Err(Error::new(Kind::Internal, format!("there is no meshes[{index}]")));
+    };
+    let mut parts = Vec::new();
+    let mut passed_over = Vec::new();
+    for (primitive, object) in mesh.need("primitives")?.elements()?.enumerate() {
+        match find_obstacle(asset, &object) {
+            Some((why, carried)) => passed_over.push(PassedOver { primitive, why, carried }),
+            None => parts.push(open_part(asset, primitive, &object)?),
+        }
+    }
+    let skinned = parts.iter().flat_map(|part| &part.attributes).any(|source| source.name.starts_with("JOINTS_"));
+    let joints = if skinned { find_joints(&asset.document, index) } else { None };
+    let mut geometry = merge(&parts, passed_over, joints, limits)?;
+    geometry.warnings = geometry.warnings.into_iter().map(|warning| warning.in_file(&asset.path)).collect();
+    Ok(geometry)
+}
+
+/// Why a primitive is passed over, if it is, and whether levels carry it unchanged.
+fn find_obstacle(asset: &Asset, primitive: &Cursor) -> Option<(String, bool)> {
+    if let Err(what) = Mode::of(mode(primitive)) {
+        return Some((what.to_owned(), true));
+    }
+    let accessors = list_accessors(primitive);
+    let compressed = || {
+        let compression = |&accessor: &usize| compression(asset.document.root(), &asset.buffers, accessor);
+        accessors.iter().find_map(compression).or_else(|| draco(asset, primitive, &accessors))
+    };
+    if let Some(extension) = compressed() {
+        return Some((format!("compressed with {extension}"), false));
+    }
+    let Some(positions) = index(primitive.get("attributes").and_then(|a| a.get("POSITION"))) else {
+        return Some(("without positions".to_owned(), true));
+    };
+    let corners = count(asset, index(primitive.get("indices")).unwrap_or(positions));
+    let mode = Mode::of(mode(primitive)).ok()?;
+    (mode.triangles(corners) == 0).then(|| ("without triangles".to_owned(), true))
+}
+
+/// Draco data stands beside the accessors; where all of those have data of their own, that is what is read.
+fn draco(asset: &Asset, primitive: &Cursor, accessors: &[usize]) -> Option<&'static str> {
+    const NAME: &str = "KHR_draco_mesh_compression";
+    primitive.extension(NAME)?;
+    let objects = asset.document.array("accessors");
+    let bare = |&a: &usize| objects.get(a).is_none_or(|o| o.get("bufferView").is_none() && o.get("sparse").is_none());
+    accessors.iter().any(bare).then_some(NAME)
+}
+
+fn mode(primitive: &Cursor) -> u64 {
+    primitive.get("mode").and_then(|mode| mode.value.as_u64()).unwrap_or(4)
+}
+
+fn index(cursor: Option<Cursor>) -> Option<usize> {
+    cursor?.integer().ok()
+}
+
+fn count(asset: &Asset, accessor: usize) -> usize {
+    let accessor = Cursor::top(asset.document.root(), "accessors", accessor);
+    index(accessor.and_then(|a| a.get("count"))).unwrap_or(0)
+}
+
+/// All accessors that a primitive names.
+fn list_accessors(primitive: &Cursor) -> Vec<usize> {
+    let targets = primitive.get("targets").and_then(|t| t.elements().ok()).into_iter().flatten();
+    let sets = primitive.get("attributes").into_iter().chain(targets);
+    let attributes = sets.filter_map(|set| set.members().ok()).flatten().map(|(_, index)| index);
+    attributes.chain(primitive.get("indices")).filter_map(|i| index(Some(i))).collect()
+}
+
+fn open_part<'a>(asset: &'a Asset, primitive: usize, object: &Cursor) -> Result<Part<'a>> {
+    let root = asset.document.root();
+    let open = |accessor: usize| Reader::open(root, &asset.buffers, accessor);
+    let open_sources = |set: &Cursor| -> Result<Vec<Source<'a>>> {
+        let sources = set.members()?.map(|(name, index)| {
+            Ok(Source { name: name.to_owned(), reader: open(index.integer()?)?, place: index.place })
+        });
+        sources.collect()
+    };
+    let attributes = object.need("attributes")?;
+    let targets = object.get("targets").map(|t| t.elements()).transpose()?.into_iter().flatten();
+    Ok(Part {
+        primitive,
+        place: object.place.clone(),
+        mode: Mode::of(mode(object)).unwrap_or(Mode::List),
+        indices: index(object.get("indices")).map(open).transpose()?,
+        count: count(asset, attributes.need("POSITION")?.integer()?),
+        attributes: open_sources(&attributes)?,
+        targets: targets.map(|target| open_sources(&target)).collect::<Result<_>>()?,
+    })
+}
+
+/// The smallest of the skins that nodes with this mesh have.
+fn find_joints(document: &Document, mesh: usize) -> Option<Joints> {
+    let number = |node: &Value, name: &str| node.get(name).and_then(Value::as_u64);
+    let nodes = document.array("nodes").iter().filter(|node| number(node, "mesh") == Some(mesh as u64));
+    let joints = nodes.filter_map(|node| {
+        let skin = usize::try_from(number(node, "skin")?).ok()?;
+        let count = document.array("skins").get(skin)?.get("joints")?.as_array()?.len();
+        Some(Joints { skin, count })
+    });
+    joints.min_by_key(|joints| joints.count)
 }

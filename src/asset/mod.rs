@@ -2,33 +2,44 @@
 //!
 //! The document stays a JSON value from reading to writing; nothing typed ever re-serialises it.
 
+// Everything here comes from a file: nothing may be taken for granted.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing))]
+
 mod accessor;
 mod check;
 mod container;
+mod cursor;
 mod document;
+mod files;
 mod geometry;
+mod merge;
+mod primitive;
 mod scene;
+mod uri;
 
 pub use container::{Chunk, Container};
 pub use document::Document;
 pub use geometry::{AttributeLayout, Channel, Component, Geometry, PassedOver, PrimitiveLayout, Shape};
 pub use scene::{MeshUse, Scene};
 
-use crate::error::{Error, Kind, Result};
+use crate::error::{Error, Result};
+use files::Files;
 use std::path::{Path, PathBuf};
 
 /// Bounds on what is read, against files that ask for the memory of the machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Largest file read (each of the asset's files), bytes.
+    /// Largest file read, and largest sum of an asset's buffers, bytes.
     pub file_bytes: u64,
-    /// Most vertices of one mesh.
+    /// Most vertices, and most triangles, of one mesh.
     pub vertices: usize,
+    /// Most memory that one decoded mesh may take, bytes.
+    pub mesh_bytes: u64,
 }
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { file_bytes: 4 << 30, vertices: 200_000_000 }
+        Self { file_bytes: 4 << 30, vertices: 200_000_000, mesh_bytes: 8 << 30 }
     }
 }
 
@@ -66,20 +77,55 @@ impl Asset {
     ///
     /// # Errors
     /// Every problem names the file and the JSON pointer.
-    pub fn read(path: &Path, _root: &Path, _limits: &Limits) -> Result<Self> {
-        Err(Error::new(Kind::Unsupported, "not there yet").in_file(path))
+    pub fn read(path: &Path, root: &Path, limits: &Limits) -> Result<Self> {
+        Self::read_checked(path, root, limits).map_err(|error| error.in_file(path))
+    }
+
+    fn read_checked(path: &Path, root: &Path, limits: &Limits) -> Result<Self> {
+        let (unpacked, document) = files::parse(path, limits)?;
+        let findings = check::check(document.root());
+        if let Some(problem) = join_problems(findings.problems) {
+            return Err(problem);
+        }
+        let files = Files::read(path, root, document.root(), unpacked.bin, limits)?;
+        let warnings = [unpacked.warnings, findings.warnings, files.warnings].into_iter().flatten();
+        Ok(Self {
+            path: path.to_owned(),
+            container: unpacked.container,
+            document,
+            buffers: files.buffers,
+            resources: files.resources,
+            warnings: warnings.map(|warning| warning.in_file(path)).collect(),
+        })
     }
 
     /// The triangle primitives of `meshes[index]` as one plain mesh, a group each.
     ///
     /// # Errors
     /// Bad data inside the accessors: an index out of range, a position that is not finite.
-    pub fn geometry(&self, _index: usize, _limits: &Limits) -> Result<Geometry> {
-        Err(Error::new(Kind::Unsupported, "not there yet"))
+    pub fn geometry(&self, index: usize, limits: &Limits) -> Result<Geometry> {
+        geometry::read(self, index, limits).map_err(|error| error.in_file(&self.path))
     }
 
     /// Nodes, their transforms, what animates them and what draws which mesh.
     pub fn scene(&self) -> Scene {
-        Scene::default()
+        Scene::of(self)
     }
+}
+
+/// Every structural problem of a document, at most 100; empty means that every index, range and type in it is sound.
+/// [`Asset::read`] refuses documents that have any.
+pub fn find_problems(document: &Document) -> Vec<Error> {
+    check::check(document.root()).problems
+}
+
+/// The first problem, and how many there are besides.
+fn join_problems(problems: Vec<Error>) -> Option<Error> {
+    let more = problems.len().saturating_sub(1);
+    let mut first = problems.into_iter().next()?;
+    if more > 0 {
+        first.message =
+            format!("{} (and {more} more {})", first.message, if more == 1 { "problem" } else { "problems" });
+    }
+    Some(first)
 }

@@ -1,9 +1,33 @@
 //! MSFT_lod out: appends levels to a document, lays out buffers, writes files atomically.
 
-use crate::asset::{Asset, Geometry};
-use crate::error::{Error, Kind, Result};
+mod accessors;
+mod channels;
+mod layout;
+mod lod_extension;
+mod names;
+mod primitives;
+mod progressive;
+mod storage;
+#[cfg(test)]
+mod tests;
+pub mod verify;
+mod write;
+
+pub use storage::round_to_storage;
+pub use write::write;
+
+use crate::asset::{Asset, Container, Document, Geometry, Scene};
+use crate::error::{Error, Result};
 use crate::mesh::Mesh;
+use accessors::encode_level;
+use channels::Channels;
+use layout::{Block, Placement, place_blocks};
+use lod_extension::{Arranger, NodeLevels};
+use names::Names;
+use primitives::{level_accessors, level_mesh, level_views};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// The levels of one glTF mesh, ready to be written.
@@ -90,22 +114,236 @@ pub enum Content {
     CopyOf(PathBuf),
 }
 
-/// Rounds `level` to the component types its primitives are stored in, so that what is measured is what is written.
-/// Positions that are equal stay equal across groups.
-pub fn round_to_storage(_level: &mut Mesh, _geometry: &Geometry) {}
-
 /// Appends `lods` to the asset's document and lays out the files.
 ///
-/// # Errors
-/// [`Kind::Unsupported`] for arrangements that no loader handles, [`Kind::Limit`] when a GLB would pass 4 GiB.
-pub fn emit(_asset: &Asset, _lods: &[MeshLods], _options: &Options) -> Result<Output> {
-    Err(Error::new(Kind::Unsupported, "not there yet"))
-}
-
-/// Writes all files of `output` below `directory`, or none: each to a temporary file beside its target, then renamed.
+/// Meshes that no node draws, nodes that keep levels of the source, and levels without triangles are left out with a
+/// note. When nothing is left to add, the asset's own file is copied byte for byte.
 ///
 /// # Errors
-/// [`Kind::Io`] with the file; nothing of this asset is left behind.
-pub fn write(_output: &Output, _directory: &Path) -> Result<()> {
-    Err(Error::new(Kind::Unsupported, "not there yet"))
+/// [`Kind::Unsupported`](crate::Kind::Unsupported) for arrangements that no loader handles or when levels are refused, [`Kind::Limit`](crate::Kind::Limit) when a GLB
+/// would pass 4 GiB.
+pub fn emit(asset: &Asset, lods: &[MeshLods], options: &Options) -> Result<Output> {
+    add_levels(asset, lods, options).map_err(|error| error.in_file(&asset.path))
+}
+
+fn add_levels(asset: &Asset, lods: &[MeshLods], options: &Options) -> Result<Output> {
+    let scene = asset.scene();
+    refuse_existing(&scene, options.existing)?;
+    let mut notes = Vec::new();
+    let channels = Channels::of(&asset.document);
+    let mut arranger = Arranger::new(asset, &scene, &channels, &options.naming);
+    let plans = plan_meshes(asset, &scene, lods, options.existing, &arranger, &mut notes);
+    if plans.is_empty() {
+        return Ok(Output { files: files_of(asset, Content::CopyOf(asset.path.clone()), Vec::new()), notes });
+    }
+
+    let mut document = asset.document.clone();
+    let blocks = encode_blocks(&plans);
+    let placed = place_blocks(asset, &mut document, &blocks, options.layout, &mut notes)?;
+    if options.existing == Existing::Replace {
+        remove_existing(&mut document, &scene, &plans, &mut arranger);
+    }
+    let mut names = Names::new(&options.naming, asset.document.array("meshes"));
+    let mut level = blocks.iter().zip(&placed.placements);
+    for plan in &plans {
+        let placed_levels = level.by_ref().take(plan.levels.len());
+        let meshes = append_level_meshes(&mut document, asset, plan, placed_levels, &mut names);
+        for &mesh in &meshes {
+            channels.repeat_for_mesh(&mut document, plan.lods.mesh, mesh);
+        }
+        let levels = NodeLevels { meshes: &meshes, coverage: &plan.coverage, extras: &plan.lods.extras };
+        for &node in &plan.nodes {
+            arranger.arrange(&mut document, node, &levels);
+        }
+    }
+    document.add_extension_used("MSFT_lod");
+    notes.append(&mut arranger.notes);
+    note_vrm(&document, &mut notes);
+
+    let main = match &asset.container {
+        Container::Gltf => document.to_json(),
+        glb @ Container::Glb { .. } => glb.pack(&document.to_json(), placed.bin.as_deref().or(own_bin(asset)))?,
+    };
+    Ok(Output { files: files_of(asset, Content::Bytes(main), placed.files), notes })
+}
+
+/// What one mesh gets.
+struct MeshPlan<'a> {
+    lods: &'a MeshLods,
+    /// Levels that are written, finest first.
+    levels: Vec<&'a Mesh>,
+    /// Their coverage.
+    coverage: Vec<f64>,
+    /// Nodes that get them.
+    nodes: Vec<usize>,
+}
+
+fn refuse_existing(scene: &Scene, existing: Existing) -> Result<()> {
+    match (existing, scene.existing.first()) {
+        (Existing::Refuse, Some((node, _))) => {
+            let place = format!("/nodes/{node}/extensions/MSFT_lod");
+            let error = Error::unsupported(place, "the file has levels already, which the preset refuses");
+            Err(error.help("set existing to \"keep\" or \"replace\", or build from the source without levels"))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn plan_meshes<'a>(
+    asset: &Asset,
+    scene: &Scene,
+    lods: &'a [MeshLods],
+    existing: Existing,
+    arranger: &Arranger<'_>,
+    notes: &mut Vec<String>,
+) -> Vec<MeshPlan<'a>> {
+    let mut plans = Vec::new();
+    for lods in lods {
+        let mesh = lods.mesh;
+        if let Some(reason) = lods.geometry.passed_over.iter().find(|p| !p.carried) {
+            notes.push(format!(
+                "/meshes/{mesh}/primitives/{}: {}, so the mesh gets no levels",
+                reason.primitive, reason.why
+            ));
+            continue;
+        }
+        let (levels, coverage) = usable_levels(lods, notes);
+        let nodes = nodes_to_arrange(scene, mesh, existing, arranger, notes);
+        if asset.document.array("meshes").get(mesh).is_some() && !levels.is_empty() && !nodes.is_empty() {
+            plans.push(MeshPlan { lods, levels, coverage, nodes });
+        }
+    }
+    plans
+}
+
+/// The levels that have triangles, each fewer than the one above. What is drawn where a level is left out is the level
+/// above it; after the last one nothing, where the last one would have ended.
+fn usable_levels<'a>(lods: &'a MeshLods, notes: &mut Vec<String>) -> (Vec<&'a Mesh>, Vec<f64>) {
+    let mut above = lods.geometry.mesh.triangles.len();
+    let mut levels = Vec::new();
+    let mut coverage = Vec::new();
+    for (index, level) in lods.levels.iter().enumerate() {
+        let triangles = level.mesh.triangles.len();
+        if triangles == 0 || triangles >= above {
+            let place = format!("/meshes/{}", lods.mesh);
+            notes.push(format!("{place}: level {} is left out: {triangles} triangles after {above}", index + 1));
+            continue;
+        }
+        above = triangles;
+        levels.push(&level.mesh);
+        coverage.extend(lods.coverage.get(index));
+    }
+    coverage.extend(lods.coverage.get(lods.levels.len()));
+    (levels, coverage)
+}
+
+/// The nodes that draw the mesh and may have levels: none in or below a level, none below other levels.
+fn nodes_to_arrange(
+    scene: &Scene,
+    mesh: usize,
+    existing: Existing,
+    arranger: &Arranger<'_>,
+    notes: &mut Vec<String>,
+) -> Vec<usize> {
+    let users = scene.uses.get(mesh).map_or(&[][..], |u| &u.nodes);
+    if users.is_empty() {
+        notes.push(format!("/meshes/{mesh}: no node draws it, so it gets no levels"));
+    }
+    let lower = |node: &usize| scene.lower.contains(node);
+    if existing == Existing::Keep && users.iter().any(lower) {
+        // A mesh that stands at two levels vanishes in Babylon.js.
+        notes.push(format!("/meshes/{mesh}: it is a lower level in the source already, so it gets no levels"));
+        return Vec::new();
+    }
+    let mut nodes = Vec::new();
+    for &node in users.iter().filter(|node| !lower(node)) {
+        match arranger.is_below_levels(node) {
+            Some(carrier) if existing == Existing::Keep => {
+                notes.push(format!("/nodes/{node}: keeps the levels that /nodes/{carrier} has in the source"));
+            }
+            _ => nodes.push(node),
+        }
+    }
+    nodes
+}
+
+fn encode_blocks(plans: &[MeshPlan<'_>]) -> Vec<Block> {
+    let levels: Vec<_> = plans.iter().flat_map(|plan| plan.levels.iter().enumerate().map(move |l| (plan, l))).collect();
+    let encode = |&(plan, (index, level)): &(&MeshPlan<'_>, (usize, &&Mesh))| Block {
+        mesh: plan.lods.mesh,
+        level: encode_level(level, &plan.lods.geometry),
+        stage: plan.levels.len() - 1 - index,
+    };
+    levels.par_iter().map(encode).collect()
+}
+
+/// Takes off the source's levels wherever new ones would stand at or below them.
+fn remove_existing(document: &mut Document, scene: &Scene, plans: &[MeshPlan<'_>], arranger: &mut Arranger<'_>) {
+    let mut carriers = BTreeSet::new();
+    for &node in plans.iter().flat_map(|plan| &plan.nodes) {
+        let above = std::iter::successors(Some(node), |&n| scene.parent.get(n).copied().flatten());
+        carriers.extend(above.take(scene.parent.len() + 1));
+    }
+    for (carrier, ids) in scene.existing.iter().filter(|(carrier, _)| carriers.contains(carrier)) {
+        arranger.remove_levels(document, *carrier, ids);
+    }
+}
+
+/// Appends buffer views, accessors and the mesh of each level; returns the meshes.
+fn append_level_meshes<'b>(
+    document: &mut Document,
+    asset: &Asset,
+    plan: &MeshPlan<'_>,
+    levels: impl Iterator<Item = (&'b Block, &'b Placement)>,
+    names: &mut Names<'_>,
+) -> Vec<usize> {
+    let index = plan.lods.mesh;
+    let source = &asset.document.array("meshes")[index];
+    let name = source.get("name").and_then(serde_json::Value::as_str).filter(|n| !n.is_empty());
+    let name = name.map_or_else(|| format!("mesh{index}"), str::to_owned);
+    let append = |(number, (block, placement)): (usize, (&Block, &Placement))| {
+        let first_view = document.array("bufferViews").len();
+        for view in level_views(&block.level, placement.buffer, placement.offset) {
+            document.push("bufferViews", view);
+        }
+        let first_accessor = document.array("accessors").len();
+        for accessor in level_accessors(&block.level, first_view) {
+            document.push("accessors", accessor);
+        }
+        let name = names.level(&name, number + 1);
+        document.push("meshes", level_mesh(source, &plan.lods.geometry, &block.level, first_accessor, name))
+    };
+    levels.enumerate().map(append).collect()
+}
+
+/// VRM names nodes and meshes for first-person views and expressions; those entries stay with the finest level.
+fn note_vrm(document: &Document, notes: &mut Vec<String>) {
+    for name in ["VRMC_vrm", "VRM"] {
+        if document.root().pointer(&format!("/extensions/{name}")).is_some() {
+            notes.push(format!(
+                "/extensions/{name}: its expressions and first-person flags reach the finest level only"
+            ));
+        }
+    }
+}
+
+/// The BIN chunk of a GLB whose levels went elsewhere.
+fn own_bin(asset: &Asset) -> Option<&[u8]> {
+    let external = asset.document.array("buffers").first()?.get("uri").is_some();
+    if external { None } else { asset.buffers.first()?.as_deref() }
+}
+
+/// The asset's own file, new files beside it, and the files it names.
+fn files_of(asset: &Asset, main: Content, new_files: Vec<OutputFile>) -> Vec<OutputFile> {
+    let name = asset.path.file_name().map(PathBuf::from).unwrap_or_default();
+    let mut files = vec![OutputFile { relative: name, content: main }];
+    files.extend(new_files);
+    let directory = asset.path.parent().unwrap_or(Path::new(""));
+    for resource in asset.resources.iter().filter(|r| r.exists) {
+        if !files.iter().any(|f| f.relative == resource.relative) {
+            let content = Content::CopyOf(directory.join(&resource.relative));
+            files.push(OutputFile { relative: resource.relative.clone(), content });
+        }
+    }
+    files
 }

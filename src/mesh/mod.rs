@@ -2,6 +2,13 @@
 //!
 //! Knows nothing of glTF, files or presets.
 
+pub(crate) mod edges;
+pub(crate) mod surface;
+pub(crate) mod surgery;
+mod validate;
+pub(crate) mod wedges;
+mod weld;
+
 /// A triangle mesh in plain arrays; the same shape goes into the simplifier and comes out of it.
 ///
 /// A *vertex* is a position with its attributes, as in an index buffer: vertices that share a position but differ in

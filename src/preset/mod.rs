@@ -1,9 +1,43 @@
 //! TOML presets: files → layers → the settings of one mesh.
+//!
+//! [`Presets`] holds the layers of a run, [`AssetPresets`] those of one file, [`Settings`] what they come to for one mesh.
+//! Defaults stand in one place only: `config/default.toml`. Errors point into the file with line, column and caret.
+//!
+//! ```
+//! use gltf_lod::preset::{Flags, MeshNames, Presets};
+//! use std::path::Path;
+//!
+//! let flags = Flags { preset: Some("mobile".into()), ..Flags::default() };
+//! let presets = Presets::new(&flags)?.for_asset(Path::new("assets"), Path::new("assets/props/chair.glb"))?;
+//! let settings = presets.settings(&MeshNames { mesh: Some("chair"), ..MeshNames::default() })?;
+//! assert_eq!(settings.levels[0].ratio, Some(0.4));
+//! # Ok::<(), gltf_lod::Error>(())
+//! ```
+
+mod builtin;
+mod expand;
+mod file;
+mod layers;
+mod level;
+mod model;
+mod number;
+mod pattern;
+mod schema;
+mod settings;
+mod source;
+mod value;
+
+#[cfg(test)]
+mod tests;
+
+pub use builtin::{PresetInfo, init_text, list};
+pub use layers::{AssetPresets, FILE_NAME, Flags, MeshNames, Presets};
+pub use schema::schema_text;
 
 use crate::emit::{Existing, Layout};
-use crate::error::{Error, Kind, Result};
 use crate::simplify;
-use std::path::{Path, PathBuf};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// Everything that decides about one mesh, after all layers and rules.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +72,13 @@ pub struct Settings {
     pub naming: String,
     /// Samples of the ruler.
     pub samples: usize,
+}
+
+impl Default for Settings {
+    /// What `config/default.toml` says.
+    fn default() -> Self {
+        settings::resolve(&builtin::default_keys()).unwrap_or_else(|error| panic!("{error}"))
+    }
 }
 
 /// When a level ends: the first rule that binds.
@@ -81,7 +122,8 @@ pub enum Coverage {
 }
 
 /// What a coverage number measures.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Basis {
     /// Diameter of the bounding sphere over the height of the screen.
     #[default]
@@ -102,78 +144,11 @@ pub struct Gates {
 }
 
 /// What a broken gate does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// Says so.
     Warn,
     /// Exit code 1.
     Fail,
-}
-
-/// All preset layers of a run: built-in → every `gltf-lod.toml` from the input root down to the asset's directory →
-/// `--config` → flags; later wins.
-#[derive(Debug)]
-pub struct Presets {}
-
-/// What the command line says about presets.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Flags {
-    /// `--config FILE`.
-    pub config: Option<PathBuf>,
-    /// `--preset NAME`: a built-in preset or one that a config file defines.
-    pub preset: Option<String>,
-    /// `--levels 0.5,0.25`: replaces the levels of every layer.
-    pub levels: Option<Vec<f64>>,
-    /// `--algorithm NAME`.
-    pub algorithm: Option<String>,
-}
-
-/// The layers that apply to one asset, read and checked.
-#[derive(Debug, Clone)]
-pub struct AssetPresets {}
-
-/// The names that rules match.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct MeshNames<'a> {
-    /// Name of the mesh, if it has one.
-    pub mesh: Option<&'a str>,
-    /// Names of the nodes that draw it.
-    pub nodes: &'a [String],
-    /// Names of its materials.
-    pub materials: &'a [String],
-}
-
-impl Presets {
-    /// Reads `--config` and checks the flags.
-    ///
-    /// # Errors
-    /// [`Kind::Preset`] with file, line, column, a caret and a suggestion.
-    pub fn new(_flags: &Flags) -> Result<Self> {
-        Err(Error::new(Kind::Preset, "not there yet"))
-    }
-
-    /// The layers for the asset at `asset`, below the input root `root`. Files are read once per run.
-    ///
-    /// # Errors
-    /// As [`Presets::new`], for the `gltf-lod.toml` files on the way.
-    pub fn for_asset(&self, _root: &Path, _asset: &Path) -> Result<AssetPresets> {
-        Err(Error::new(Kind::Preset, "not there yet"))
-    }
-}
-
-impl AssetPresets {
-    /// The settings of one mesh after all rules.
-    pub fn settings(&self, _names: &MeshNames<'_>) -> Result<Settings> {
-        Err(Error::new(Kind::Preset, "not there yet"))
-    }
-
-    /// BLAKE3 of the effective layers (not of file formatting), hex: part of the report and of cache keys.
-    pub fn hash(&self) -> String {
-        String::new()
-    }
-
-    /// Globs (relative to the root) of files that are not glTF and are copied to the output.
-    pub fn copies(&self, _relative: &Path) -> bool {
-        false
-    }
 }

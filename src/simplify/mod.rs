@@ -1,10 +1,23 @@
 //! The simplifier: one run from fine to coarse, a snapshot at each target.
 
+mod constraints;
+mod cost;
+mod deviation;
+mod enhanced;
+mod guard;
+mod levels;
 mod options;
+mod paper;
+mod passes;
+mod prune;
+mod quadric;
+mod queue;
+mod reducer;
+mod split;
 
+pub use levels::simplify;
 pub use options::{Algorithm, AttributeWeights, EdgePolicy, Mode, Options, Schedule, Target};
 
-use crate::error::{Error, Kind, Result};
 use crate::mesh::Mesh;
 
 /// The levels of one mesh, finest first, one for each target.
@@ -49,12 +62,4 @@ pub struct Refusals {
     pub border: u64,
     /// A seam or material border would break, or the policy locks it.
     pub seam: u64,
-}
-
-/// Simplifies `mesh` to every target of `options`.
-///
-/// # Errors
-/// [`Kind::Malformed`] when an index is out of range, an array has the wrong length or a position is not finite.
-pub fn simplify(_mesh: &Mesh, _options: &Options) -> Result<Chain> {
-    Err(Error::new(Kind::Unsupported, "not there yet"))
 }

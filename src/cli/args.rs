@@ -1,0 +1,164 @@
+//! Arguments and help.
+
+use clap::{Args, Parser, Subcommand};
+use gltf_lod::preset::Flags;
+use std::path::PathBuf;
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  everything was processed
+  1  a gate of a preset failed (the results are written)
+  2  wrong usage, or a wrong preset
+  3  some input could not be processed; all others were";
+
+const MAIN_HELP: &str = "\
+Examples:
+  gltf-lod build assets -o build/assets           all .glb and .gltf files below assets, as a mirrored tree
+  gltf-lod build chair.glb -o out --levels 0.5,0.1
+  gltf-lod inspect out/chair.glb                  what is in the file, and its levels
+  gltf-lod compare chair.glb                      our levels against meshoptimizer's at equal triangle counts
+  gltf-lod init                                   a commented gltf-lod.toml to start from";
+
+const BUILD_HELP: &str = "\
+Presets, later wins: built-in, every gltf-lod.toml from the input directory down to the asset's, --config, these flags.
+
+Examples:
+  gltf-lod build assets -o build/assets
+  gltf-lod build assets -o build/assets --preset mobile --report build/lods.json
+  gltf-lod build assets -o build/assets --dry-run -v     show every mesh, write nothing
+  gltf-lod build assets --in-place                       overwrite the sources (keep them in version control)";
+
+/// Builds measured levels of detail into glTF files (MSFT_lod).
+#[derive(Debug, Parser)]
+#[command(name = "gltf-lod", version, after_help = format!("{MAIN_HELP}\n\n{EXIT_CODES}"))]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Write assets with levels of detail
+    ///
+    /// Walks the inputs for .glb and .gltf files, makes a chain of levels for every mesh, measures each against its source and against
+    /// meshoptimizer, and writes the files with MSFT_lod. Nothing else in a file changes.
+    #[command(after_help = format!("{BUILD_HELP}\n\n{EXIT_CODES}"))]
+    Build(Build),
+    /// Show a file's meshes and the levels it has
+    Inspect(Inspect),
+    /// Compare our levels of a file with meshoptimizer's, without writing anything
+    ///
+    /// Both are made at the same triangle counts and measured by the same ruler: two-sided distance to the source surface. Ratios below 1
+    /// mean that ours is nearer.
+    #[command(after_help = EXIT_CODES)]
+    Compare(Compare),
+    /// Write a commented gltf-lod.toml
+    Init(Init),
+    /// List the built-in presets
+    Presets,
+}
+
+#[derive(Debug, Args)]
+pub struct Build {
+    /// .glb or .gltf files, and directories that are walked for them
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// Directory for the results; mirrors the input tree
+    #[arg(short, long, value_name = "DIR", required_unless_present = "in_place")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub preset: PresetArgs,
+    /// Write the report as JSON
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Leave times out of the report: the same input then gives the same bytes
+    #[arg(long, requires = "report")]
+    pub no_times: bool,
+    /// Do everything but write
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Allow sources to be overwritten
+    #[arg(long)]
+    pub in_place: bool,
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct Inspect {
+    /// A .glb or .gltf file
+    pub file: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct Compare {
+    /// A .glb or .gltf file
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub preset: PresetArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct Init {
+    /// Directory that gets the file
+    #[arg(default_value = ".")]
+    pub directory: PathBuf,
+    /// Replace a file that is there
+    #[arg(long)]
+    pub force: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct PresetArgs {
+    /// A preset file that goes over all gltf-lod.toml files
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// A built-in preset (see `gltf-lod presets`) or one that a preset file defines
+    #[arg(long, value_name = "NAME")]
+    preset: Option<String>,
+    /// Levels as shares of the source's triangles, e.g. 0.5,0.25,0.125
+    #[arg(long, value_name = "RATIOS", value_delimiter = ',')]
+    levels: Option<Vec<f64>>,
+    /// Algorithm
+    #[arg(long, value_name = "NAME")]
+    algorithm: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Threads [default: one for each processor]; the results are the same for any number
+    #[arg(short, long, value_name = "N", value_parser = parse_jobs)]
+    pub jobs: Option<usize>,
+    /// Print errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Show every mesh and all notes
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+impl PresetArgs {
+    pub fn flags(&self) -> Flags {
+        Flags {
+            config: self.config.clone(),
+            preset: self.preset.clone(),
+            levels: self.levels.clone(),
+            algorithm: self.algorithm.clone(),
+        }
+    }
+}
+
+fn parse_jobs(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(jobs @ 1..=1024) => Ok(jobs),
+        _ => Err("give a number from 1 to 1024".to_owned()),
+    }
+}

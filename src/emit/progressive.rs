@@ -1,0 +1,193 @@
+//! Which bytes of a GLB's buffer only the finest level needs, so that they can go to the end.
+
+use crate::asset::Document;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// The source's buffer in two parts, each in the old order; together they are all of it.
+#[derive(Debug, Default)]
+pub(super) struct SourceSplit {
+    /// Needed from the start: images, animations, skins, meshes without levels.
+    pub shared: Vec<Range<usize>>,
+    /// Needed for the source's own triangles of meshes with levels only.
+    pub finest: Vec<Range<usize>>,
+}
+
+/// Splits the first `length` bytes of buffer 0. `meshes` are those that get levels.
+///
+/// Overlapping views stay together, and bytes that no view names stay behind the view before them.
+pub(super) fn split_source(document: &Document, meshes: &BTreeSet<usize>, length: usize) -> SourceSplit {
+    let finest_views = views_of_finest(document, meshes);
+    let mut ranges = Vec::new();
+    for (index, view) in document.array("bufferViews").iter().enumerate() {
+        for (_, object) in ranges_of_view(index, view) {
+            let number = |member: &str| object.get(member).and_then(Value::as_u64).unwrap_or(0) as usize;
+            if object.get("buffer").and_then(Value::as_u64) == Some(0) {
+                let start = number("byteOffset").min(length);
+                let end = start.saturating_add(number("byteLength")).min(length);
+                ranges.push((start, end, finest_views.contains(&index)));
+            }
+        }
+    }
+    ranges.sort_unstable();
+
+    let mut split = SourceSplit::default();
+    let mut add = |range: Range<usize>, finest: bool| {
+        let list = if finest { &mut split.finest } else { &mut split.shared };
+        match list.last_mut() {
+            Some(last) if last.end == range.start => last.end = range.end,
+            _ if range.is_empty() => {}
+            _ => list.push(range),
+        }
+    };
+    let (mut start, mut end, mut finest) = (0, 0, false);
+    for (view_start, view_end, view_finest) in ranges {
+        if view_start >= end {
+            add(start..view_start, finest);
+            (start, end, finest) = (view_start, view_end, view_finest);
+        } else {
+            end = end.max(view_end);
+            finest &= view_finest;
+        }
+    }
+    add(start..length, finest);
+    split
+}
+
+/// The objects of a buffer view that name a range of a buffer, with their places: itself, and where its compressed
+/// content is.
+pub(super) fn ranges_of_view(index: usize, view: &Value) -> Vec<(String, &Value)> {
+    let place = format!("/bufferViews/{index}");
+    let compressed = COMPRESSION.iter().filter_map(|name| {
+        let payload = view.get("extensions")?.get(*name)?;
+        Some((format!("{place}/extensions/{name}"), payload))
+    });
+    let mut ranges: Vec<_> = compressed.collect();
+    ranges.push((place, view));
+    ranges
+}
+
+const COMPRESSION: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// Whether only buffer views name ranges of buffers. An extension that does so by itself would point at the wrong bytes.
+pub(super) fn can_reorder(document: &Document, notes: &mut Vec<String>) -> bool {
+    let Some(root) = document.root().as_object() else { return false };
+    let outside = root.iter().filter(|(name, _)| *name != "bufferViews").any(|(_, value)| names_buffer(value));
+    let inside = document
+        .array("bufferViews")
+        .iter()
+        .filter_map(|view| view.get("extensions")?.as_object())
+        .any(|e| e.iter().any(|(name, payload)| !COMPRESSION.contains(&name.as_str()) && names_buffer(payload)));
+    if outside || inside {
+        notes.push(
+            "an extension names a range of a buffer by itself: level data is appended instead of put first".into(),
+        );
+    }
+    !(outside || inside)
+}
+
+fn names_buffer(value: &Value) -> bool {
+    match value {
+        Value::Object(object) => object.get("buffer").is_some_and(Value::is_u64) || object.values().any(names_buffer),
+        Value::Array(array) => array.iter().any(names_buffer),
+        _ => false,
+    }
+}
+
+/// Buffer views that nothing but triangles of `meshes` uses.
+fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<usize> {
+    let (finest, shared) = accessors_by_user(document, meshes);
+    let mut finest_views = BTreeSet::new();
+    let mut shared_views = BTreeSet::new();
+    for (index, accessor) in document.array("accessors").iter().enumerate() {
+        let views = ["/bufferView", "/sparse/indices/bufferView", "/sparse/values/bufferView"];
+        let views = views.iter().filter_map(|place| accessor.pointer(place)?.as_u64()).map(|view| view as usize);
+        if finest.contains(&index) && !shared.contains(&index) {
+            finest_views.extend(views);
+        } else {
+            shared_views.extend(views);
+        }
+    }
+    shared_views.extend(document.array("images").iter().filter_map(|image| index_at(image, "/bufferView")));
+    finest_views.difference(&shared_views).copied().collect()
+}
+
+/// Accessors that triangles of `meshes` use, and those that anything else uses.
+fn accessors_by_user(document: &Document, meshes: &BTreeSet<usize>) -> (BTreeSet<usize>, BTreeSet<usize>) {
+    let (mut finest, mut shared) = (BTreeSet::new(), BTreeSet::new());
+    for (number, mesh) in document.array("meshes").iter().enumerate() {
+        for primitive in elements(mesh, "primitives") {
+            let triangles = primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode));
+            let list = if triangles && meshes.contains(&number) { &mut finest } else { &mut shared };
+            list.extend(index_at(primitive, "/indices"));
+            let attributes = primitive.get("attributes").into_iter().chain(elements(primitive, "targets"));
+            list.extend(attributes.filter_map(Value::as_object).flat_map(|a| a.values()).filter_map(index));
+        }
+    }
+    for sampler in document.array("animations").iter().flat_map(|animation| elements(animation, "samplers")) {
+        shared.extend(index_at(sampler, "/input").into_iter().chain(index_at(sampler, "/output")));
+    }
+    shared.extend(document.array("skins").iter().filter_map(|skin| index_at(skin, "/inverseBindMatrices")));
+    for node in document.array("nodes") {
+        let instances = node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes").and_then(Value::as_object);
+        shared.extend(instances.into_iter().flat_map(|a| a.values()).filter_map(index));
+    }
+    (finest, shared)
+}
+
+fn elements<'a>(object: &'a Value, member: &str) -> &'a [Value] {
+    object.get(member).and_then(Value::as_array).map_or(&[], Vec::as_slice)
+}
+
+fn index_at(object: &Value, place: &str) -> Option<usize> {
+    object.pointer(place).and_then(index)
+}
+
+fn index(value: &Value) -> Option<usize> {
+    value.as_u64().map(|index| index as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// Start and end of the shared ranges and of the finest's.
+    fn split(document: &Document, meshes: &[usize], length: usize) -> [Vec<(usize, usize)>; 2] {
+        let split = split_source(document, &meshes.iter().copied().collect(), length);
+        [split.shared, split.finest].map(|ranges| ranges.into_iter().map(|r| (r.start, r.end)).collect())
+    }
+
+    #[test]
+    fn images_and_other_meshes_come_first_and_no_byte_is_lost() {
+        let document = Document::new(json!({
+            "meshes": [
+                {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]},
+                {"primitives": [{"attributes": {"POSITION": 2}}]},
+            ],
+            "accessors": [{"bufferView": 0}, {"bufferView": 1}, {"bufferView": 3}],
+            "images": [{"bufferView": 2}],
+            "bufferViews": [
+                {"buffer": 0, "byteOffset": 4, "byteLength": 10},
+                {"buffer": 0, "byteOffset": 16, "byteLength": 4},
+                {"buffer": 0, "byteOffset": 20, "byteLength": 8},
+                {"buffer": 0, "byteOffset": 30, "byteLength": 2},
+                {"buffer": 1, "byteOffset": 0, "byteLength": 99},
+            ],
+        }));
+        assert_eq!(split(&document, &[0], 36), [vec![(0, 4), (20, 36)], vec![(4, 20)]]);
+        assert_eq!(split(&document, &[0, 1], 36), [vec![(0, 4), (20, 30)], vec![(4, 20), (30, 36)]]);
+    }
+
+    #[test]
+    fn overlapping_views_stay_together() {
+        let document = Document::new(json!({
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"bufferView": 0}],
+            "images": [{"bufferView": 1}],
+            "bufferViews": [{"buffer": 0, "byteLength": 10}, {"buffer": 0, "byteOffset": 8, "byteLength": 4}],
+        }));
+        assert_eq!(split(&document, &[0], 12), [vec![(0, 12)], vec![]]);
+    }
+}

@@ -1,0 +1,324 @@
+//! The working mesh of the simplifier: points, faces, corners with wedges, and the ring of corners around each point.
+//!
+//! Points are welded over all groups, so seams, hard edges and material borders are no holes in the topology. Rings hold every
+//! corner at a point, whatever the order, so that non-manifold meshes need no special case.
+
+use super::Mesh;
+use super::wedges::Wedges;
+use super::weld::weld;
+use glam::DVec3;
+
+/// Names corner `k` of face `f` as `f << 2 | k`.
+pub(crate) type Corner = u32;
+
+/// In `faces[f][0]` of a face that is gone.
+const DEAD: u32 = u32::MAX;
+
+/// A triangle surface under edit.
+#[derive(Debug, Clone)]
+pub(crate) struct Surface {
+    /// Object units → the unit frame that `points` are in.
+    pub frame: Frame,
+    /// Positions in the unit frame (the longest side of the source's bounding box is between 1 and 2).
+    pub points: Vec<DVec3>,
+    /// Point of each corner.
+    faces: Vec<[u32; 3]>,
+    /// Wedge of each corner.
+    corners: Vec<[u32; 3]>,
+    /// Attributes.
+    pub wedges: Wedges,
+    rings: Rings,
+    live: usize,
+}
+
+/// A shift and a scale by a power of two: exact for the source's coordinates in both directions.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frame {
+    center: DVec3,
+    scale: f64,
+}
+
+impl Frame {
+    fn of(mesh: &Mesh) -> Self {
+        let (lo, hi) = mesh.bounds();
+        if lo.x > hi.x {
+            return Self { center: DVec3::ZERO, scale: 1.0 };
+        }
+        let extent = (hi.as_dvec3() - lo.as_dvec3()).max_element();
+        let scale = if extent > 0.0 { (-extent.log2().floor()).exp2() } else { 1.0 };
+        // A centre that is an f32 keeps the differences representable in f64.
+        let center = ((lo.as_dvec3() + hi.as_dvec3()) * 0.5).as_vec3().as_dvec3();
+        Self { center, scale }
+    }
+
+    /// From object units.
+    pub fn enter(&self, position: [f32; 3]) -> DVec3 {
+        (DVec3::from(position.map(f64::from)) - self.center) * self.scale
+    }
+
+    /// To object units.
+    pub fn leave(&self, point: DVec3) -> [f32; 3] {
+        (point / self.scale + self.center).as_vec3().to_array()
+    }
+}
+
+/// For each point the corners at it, one contiguous run a point in one pool.
+#[derive(Debug, Clone, Default)]
+struct Rings {
+    pool: Vec<Corner>,
+    spans: Vec<Span>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Span {
+    start: u32,
+    length: u32,
+}
+
+impl Rings {
+    fn build(points: usize, faces: &[[u32; 3]]) -> Self {
+        let mut spans = vec![Span::default(); points];
+        for face in faces.iter().filter(|f| f[0] != DEAD) {
+            face.iter().for_each(|&p| spans[p as usize].length += 1);
+        }
+        let mut start = 0;
+        for span in &mut spans {
+            span.start = start;
+            start += span.length;
+            span.length = 0;
+        }
+        let mut pool = vec![0; start as usize];
+        for (f, face) in faces.iter().enumerate().filter(|(_, f)| f[0] != DEAD) {
+            for (k, &p) in face.iter().enumerate() {
+                let span = &mut spans[p as usize];
+                pool[(span.start + span.length) as usize] = (f as u32) << 2 | k as u32;
+                span.length += 1;
+            }
+        }
+        Self { pool, spans }
+    }
+
+    fn of(&self, point: u32) -> &[Corner] {
+        let span = self.spans[point as usize];
+        &self.pool[span.start as usize..][..span.length as usize]
+    }
+
+    fn remove(&mut self, point: u32, corner: Corner) {
+        let span = &mut self.spans[point as usize];
+        let run = &mut self.pool[span.start as usize..][..span.length as usize];
+        if let Some(at) = run.iter().position(|&c| c == corner) {
+            run.copy_within(at + 1.., at);
+            span.length -= 1;
+        }
+    }
+
+    fn push(&mut self, point: u32, corner: Corner) {
+        let span = self.spans[point as usize];
+        let end = (span.start + span.length) as usize;
+        if end != self.pool.len() {
+            let start = self.pool.len() as u32;
+            self.pool.extend_from_within(span.start as usize..end);
+            self.spans[point as usize].start = start;
+        }
+        self.pool.push(corner);
+        self.spans[point as usize].length += 1;
+    }
+
+    /// Moves the corners of `gone` to the end of those of `kept`.
+    fn join(&mut self, kept: u32, gone: u32) {
+        let (a, b) = (self.spans[kept as usize], self.spans[gone as usize]);
+        let start = self.pool.len() as u32;
+        self.pool.extend_from_within(a.start as usize..(a.start + a.length) as usize);
+        self.pool.extend_from_within(b.start as usize..(b.start + b.length) as usize);
+        self.spans[kept as usize] = Span { start, length: a.length + b.length };
+        self.spans[gone as usize].length = 0;
+    }
+}
+
+impl Surface {
+    /// Welds `mesh`, which must be valid. Triangles with two corners at one point, and exact copies of a triangle, are left out.
+    pub fn new(mesh: &Mesh) -> Self {
+        let frame = Frame::of(mesh);
+        let welded = weld(mesh);
+        let points: Vec<DVec3> = welded.point_vertex.iter().map(|&v| frame.enter(mesh.positions[v as usize])).collect();
+        let (mut faces, mut corners) = (Vec::new(), Vec::new());
+        for triangle in &mesh.triangles {
+            let face = triangle.map(|v| welded.point_of[v as usize]);
+            if face[0] != face[1] && face[1] != face[2] && face[2] != face[0] {
+                faces.push(face);
+                corners.push(triangle.map(|v| welded.wedge_of[v as usize]));
+            }
+        }
+        drop_copies(&mut faces, &mut corners);
+        let rings = Rings::build(points.len(), &faces);
+        let live = faces.len();
+        Self { frame, points, faces, corners, wedges: Wedges::new(mesh, &welded.wedge_vertex), rings, live }
+    }
+
+    /// Number of faces.
+    pub fn face_count(&self) -> usize {
+        self.live
+    }
+
+    /// Whether the face is still there.
+    pub fn is_live(&self, face: usize) -> bool {
+        self.faces[face][0] != DEAD
+    }
+
+    /// The points of a live face.
+    pub fn face(&self, face: usize) -> [u32; 3] {
+        self.faces[face]
+    }
+
+    /// The wedges of a live face.
+    pub fn face_wedges(&self, face: usize) -> [u32; 3] {
+        self.corners[face]
+    }
+
+    /// The positions of a live face.
+    pub fn triangle(&self, face: usize) -> [DVec3; 3] {
+        self.faces[face].map(|p| self.points[p as usize])
+    }
+
+    /// The live faces in order.
+    pub fn live_faces(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.faces.len()).filter(|&f| self.is_live(f))
+    }
+
+    /// All corners at `point`.
+    pub fn ring(&self, point: u32) -> &[Corner] {
+        self.rings.of(point)
+    }
+
+    /// Face of a corner.
+    pub fn face_of(corner: Corner) -> usize {
+        (corner >> 2) as usize
+    }
+
+    /// The wedge at a corner.
+    pub fn wedge_at(&self, corner: Corner) -> u32 {
+        self.corners[Self::face_of(corner)][(corner & 3) as usize]
+    }
+
+    /// The two points after the corner in its face, counter-clockwise.
+    pub fn opposite(&self, corner: Corner) -> [u32; 2] {
+        let face = self.faces[Self::face_of(corner)];
+        match corner & 3 {
+            0 => [face[1], face[2]],
+            1 => [face[2], face[0]],
+            _ => [face[0], face[1]],
+        }
+    }
+
+    /// The wedges that belong to [`Self::opposite`].
+    pub fn opposite_wedges(&self, corner: Corner) -> [u32; 2] {
+        let face = self.corners[Self::face_of(corner)];
+        match corner & 3 {
+            0 => [face[1], face[2]],
+            1 => [face[2], face[0]],
+            _ => [face[0], face[1]],
+        }
+    }
+
+    /// Removes a face.
+    pub fn remove_face(&mut self, face: usize) {
+        for k in 0..3 {
+            self.rings.remove(self.faces[face][k], (face as u32) << 2 | k as u32);
+        }
+        self.faces[face][0] = DEAD;
+        self.live -= 1;
+    }
+
+    /// Adds a face.
+    pub fn add_face(&mut self, points: [u32; 3], wedges: [u32; 3]) -> usize {
+        let face = self.faces.len();
+        self.faces.push(points);
+        self.corners.push(wedges);
+        for (k, &p) in points.iter().enumerate() {
+            self.rings.push(p, (face as u32) << 2 | k as u32);
+        }
+        self.live += 1;
+        face
+    }
+
+    /// Adds a point without faces.
+    pub fn add_point(&mut self, position: DVec3) -> u32 {
+        self.points.push(position);
+        self.rings.spans.push(Span::default());
+        self.points.len() as u32 - 1
+    }
+
+    /// Gives every corner of `gone` to `kept`; faces that have both must have been removed.
+    pub(super) fn join_points(&mut self, kept: u32, gone: u32) {
+        for &corner in self.rings.of(gone) {
+            self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
+        }
+        self.rings.join(kept, gone);
+    }
+
+    /// Replaces the wedge of every corner at `point` by `map` of it.
+    pub(super) fn map_wedges(&mut self, point: u32, map: impl Fn(u32) -> u32) {
+        for &corner in self.rings.of(point) {
+            let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
+            *wedge = map(*wedge);
+        }
+    }
+
+    /// Drops dead faces and the gaps in the rings. Face ids change, their order and all point ids stay.
+    pub fn compact(&mut self) {
+        let keep = |faces: &[[u32; 3]], f: usize| faces[f][0] != DEAD;
+        let mut next = 0;
+        for f in 0..self.faces.len() {
+            if keep(&self.faces, f) {
+                self.faces[next] = self.faces[f];
+                self.corners[next] = self.corners[f];
+                next += 1;
+            }
+        }
+        self.faces.truncate(next);
+        self.corners.truncate(next);
+        self.rings = Rings::build(self.points.len(), &self.faces);
+    }
+
+    /// The surface as plain arrays: only used vertices, in the order in which triangles first use them.
+    pub fn to_mesh(&self) -> Mesh {
+        // A wedge may stand at several points only by a bug; keyed by wedge the vertex count stays minimal.
+        let mut vertex_of = vec![u32::MAX; self.wedges.len()];
+        let mut order = Vec::new();
+        let mut mesh = Mesh::default();
+        for f in self.live_faces() {
+            let triangle = [0, 1, 2].map(|k| {
+                let (point, wedge) = (self.faces[f][k], self.corners[f][k]);
+                let slot = &mut vertex_of[wedge as usize];
+                if *slot == u32::MAX {
+                    *slot = order.len() as u32;
+                    order.push(wedge);
+                    mesh.positions.push(self.frame.leave(self.points[point as usize]));
+                }
+                *slot
+            });
+            mesh.triangles.push(triangle);
+            mesh.groups.push(self.wedges.group(self.corners[f][0]));
+        }
+        self.wedges.write(&order, &mut mesh);
+        mesh
+    }
+}
+
+/// Leaves the first of several faces with the same wedges in the same cyclic order.
+fn drop_copies(faces: &mut Vec<[u32; 3]>, corners: &mut Vec<[u32; 3]>) {
+    let key = |c: &[u32; 3]| {
+        let k = (0..3).min_by_key(|&k| c[k]).unwrap_or(0);
+        [c[k], c[(k + 1) % 3], c[(k + 2) % 3]]
+    };
+    let mut order: Vec<usize> = (0..faces.len()).collect();
+    order.sort_unstable_by_key(|&f| (key(&corners[f]), f));
+    let mut copy = vec![false; faces.len()];
+    for pair in order.windows(2) {
+        copy[pair[1]] = key(&corners[pair[0]]) == key(&corners[pair[1]]);
+    }
+    let mut index = 0;
+    faces.retain(|_| (!copy[index], index += 1).0);
+    index = 0;
+    corners.retain(|_| (!copy[index], index += 1).0);
+}

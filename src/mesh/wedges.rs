@@ -1,0 +1,185 @@
+//! Wedge data: one row of attribute values, one group and one set of joint influences for each wedge.
+
+use super::{Attribute, Mesh, Semantic, Skin};
+use glam::Vec3;
+
+/// Where an attribute stands in a wedge's row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Column {
+    pub semantic: Semantic,
+    pub offset: usize,
+    pub width: usize,
+}
+
+/// Attributes of all wedges.
+#[derive(Debug, Clone)]
+pub(crate) struct Wedges {
+    columns: Vec<Column>,
+    stride: usize,
+    values: Vec<f32>,
+    groups: Vec<u32>,
+    skin: Option<Skin>,
+}
+
+impl Wedges {
+    /// Wedge `w` takes the data of vertex `vertices[w]`.
+    pub fn new(mesh: &Mesh, vertices: &[u32]) -> Self {
+        let mut stride = 0;
+        let columns: Vec<Column> = mesh
+            .attributes
+            .iter()
+            .map(|a| {
+                let column = Column { semantic: a.semantic, offset: stride, width: a.width };
+                stride += a.width;
+                column
+            })
+            .collect();
+        let mut values = Vec::with_capacity(stride * vertices.len());
+        for &v in vertices {
+            for a in &mesh.attributes {
+                values.extend_from_slice(&a.values[v as usize * a.width..][..a.width]);
+            }
+        }
+        let mut group_of = vec![0; mesh.positions.len()];
+        for (t, triangle) in mesh.triangles.iter().enumerate() {
+            triangle.iter().for_each(|&v| group_of[v as usize] = mesh.group(t));
+        }
+        let groups = vertices.iter().map(|&v| group_of[v as usize]).collect();
+        let skin = mesh.skin.as_ref().map(|s| pick_skin(s, vertices));
+        Self { columns, stride, values, groups, skin }
+    }
+
+    pub fn len(&self) -> usize {
+        self.groups.len()
+    }
+
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// Numbers a row.
+    pub fn stride(&self) -> usize {
+        self.stride
+    }
+
+    pub fn group(&self, wedge: u32) -> u32 {
+        self.groups[wedge as usize]
+    }
+
+    pub fn row(&self, wedge: u32) -> &[f32] {
+        &self.values[wedge as usize * self.stride..][..self.stride]
+    }
+
+    pub fn row_mut(&mut self, wedge: u32) -> &mut [f32] {
+        &mut self.values[wedge as usize * self.stride..][..self.stride]
+    }
+
+    /// A copy of `wedge` under a new id.
+    pub fn duplicate(&mut self, wedge: u32) -> u32 {
+        let (w, stride) = (wedge as usize, self.stride);
+        self.values.extend_from_within(w * stride..(w + 1) * stride);
+        self.groups.push(self.groups[w]);
+        if let Some(skin) = &mut self.skin {
+            let n = skin.influences;
+            skin.joints.extend_from_within(w * n..(w + 1) * n);
+            skin.weights.extend_from_within(w * n..(w + 1) * n);
+        }
+        self.groups.len() as u32 - 1
+    }
+
+    /// Joint influences halfway (`t`) from wedge `a` to wedge `b`, as (joint, weight), strongest first.
+    pub fn mix_influences(&self, a: u32, b: u32, t: f32, out: &mut Vec<(u16, f32)>) {
+        out.clear();
+        let Some(skin) = &self.skin else { return };
+        let n = skin.influences;
+        for (wedge, share) in [(a, 1.0 - t), (b, t)] {
+            let range = wedge as usize * n..(wedge as usize + 1) * n;
+            for (&joint, &weight) in skin.joints[range.clone()].iter().zip(&skin.weights[range]) {
+                let weight = weight * share;
+                if weight <= 0.0 {
+                    continue;
+                }
+                match out.iter_mut().find(|(j, _)| *j == joint) {
+                    Some((_, w)) => *w += weight,
+                    None => out.push((joint, weight)),
+                }
+            }
+        }
+        out.sort_by(|x, y| y.1.total_cmp(&x.1).then(x.0.cmp(&y.0)));
+        out.truncate(n);
+        let sum: f32 = out.iter().map(|(_, w)| w).sum();
+        out.iter_mut().for_each(|(_, w)| *w /= sum);
+    }
+
+    /// Whether the wedge has joint influences.
+    pub fn is_skinned(&self, wedge: u32) -> bool {
+        self.skin
+            .as_ref()
+            .is_some_and(|s| s.weights[wedge as usize * s.influences..][..s.influences].iter().any(|&w| w > 0.0))
+    }
+
+    /// Replaces the influences of a wedge.
+    pub fn set_influences(&mut self, wedge: u32, influences: &[(u16, f32)]) {
+        let Some(skin) = &mut self.skin else { return };
+        let n = skin.influences;
+        for i in 0..n {
+            let (joint, weight) = influences.get(i).copied().unwrap_or((0, 0.0));
+            skin.joints[wedge as usize * n + i] = joint;
+            skin.weights[wedge as usize * n + i] = weight;
+        }
+    }
+
+    /// Fills `mesh.attributes` and `mesh.skin` with the rows of `order`; directions come out with unit length.
+    pub fn write(&self, order: &[u32], mesh: &mut Mesh) {
+        mesh.attributes = self
+            .columns
+            .iter()
+            .map(|column| {
+                let mut values = Vec::with_capacity(order.len() * column.width);
+                for &w in order {
+                    values.extend_from_slice(&self.row(w)[column.offset..][..column.width]);
+                }
+                Attribute { semantic: column.semantic, width: column.width, values }
+            })
+            .collect();
+        normalize_directions(&mut mesh.attributes);
+        mesh.skin = self.skin.as_ref().map(|s| pick_skin(s, order));
+    }
+}
+
+fn pick_skin(skin: &Skin, rows: &[u32]) -> Skin {
+    let n = skin.influences;
+    let mut picked = Skin { influences: n, ..Skin::default() };
+    for &r in rows {
+        picked.joints.extend_from_slice(&skin.joints[r as usize * n..][..n]);
+        picked.weights.extend_from_slice(&skin.weights[r as usize * n..][..n]);
+    }
+    picked
+}
+
+/// Unit normals; tangents orthogonal to them, of unit length, with a handedness of ±1. Zero vectors stay.
+fn normalize_directions(attributes: &mut [Attribute]) {
+    let mut normals = Vec::new();
+    for a in attributes.iter_mut().filter(|a| a.semantic == Semantic::Normal && a.width == 3) {
+        for n in a.values.chunks_exact_mut(3) {
+            unit_unless_exact(Vec3::from_slice(n)).write_to_slice(n);
+        }
+        normals.clone_from(&a.values);
+    }
+    for a in attributes.iter_mut().filter(|a| a.semantic == Semantic::Tangent && a.width == 4) {
+        for (i, t) in a.values.chunks_exact_mut(4).enumerate() {
+            let tangent = Vec3::from_slice(&t[..3]);
+            let normal = normals.get(i * 3..i * 3 + 3).map_or(Vec3::ZERO, Vec3::from_slice);
+            let dot = tangent.dot(normal);
+            let straight = if dot.abs() > 1e-3 { tangent - normal * dot } else { tangent };
+            unit_unless_exact(straight).write_to_slice(&mut t[..3]);
+            t[3] = if t[3] < 0.0 { -1.0 } else { 1.0 };
+        }
+    }
+}
+
+/// A vector that is of unit length already stays to the bit.
+fn unit_unless_exact(v: Vec3) -> Vec3 {
+    let length = v.length();
+    if (length - 1.0).abs() < 1e-4 || length == 0.0 { v } else { v / length }
+}

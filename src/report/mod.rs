@@ -1,0 +1,14 @@
+//! What a run found out: the model, as JSON and as text. Nothing here prints or writes a file.
+
+mod inspect;
+mod json;
+mod model;
+mod text;
+
+pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, describe_inspection};
+pub use json::to_json;
+pub use model::{
+    BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
+    Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
+};
+pub use text::{Detail, describe_comparison, describe_file, describe_run};

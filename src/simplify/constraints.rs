@@ -1,0 +1,56 @@
+//! What the edge policies mean: which points are locked and how much the shape of borders and seams costs.
+
+use super::options::{EdgePolicy, Options};
+use crate::mesh::edges::{Edge, EdgeKind};
+
+/// Weight of an open border's plane, relative to the surface: the square on an edge counts as this many times its area.
+const BORDER_WEIGHT: f64 = 1.5;
+/// The same for an attribute seam, whose error shows only through the attribute.
+const SEAM_WEIGHT: f64 = 0.15;
+/// The same for a border between materials.
+const MATERIAL_WEIGHT: f64 = 0.5;
+
+/// The policies of a run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Constraints {
+    border: EdgePolicy,
+    seam: EdgePolicy,
+    material: EdgePolicy,
+}
+
+impl Constraints {
+    pub fn new(options: &Options) -> Self {
+        Self { border: options.border, seam: options.seam, material: options.material_border }
+    }
+
+    /// Weight of the plane that stands on an edge of this kind, perpendicular to the surface; 0 for none.
+    pub fn weight(&self, kind: EdgeKind) -> f64 {
+        let of = |bits: EdgeKind, policy: EdgePolicy, weight: f64| {
+            if kind.has(bits) && policy != EdgePolicy::Free { weight } else { 0.0 }
+        };
+        of(EdgeKind::BORDER, self.border, BORDER_WEIGHT)
+            .max(of(EdgeKind::MATERIAL, self.material, MATERIAL_WEIGHT))
+            .max(of(EdgeKind::SEAM, self.seam, SEAM_WEIGHT))
+            .max(if kind.has(EdgeKind::FOLD) || kind.has(EdgeKind::COMPLEX) { BORDER_WEIGHT } else { 0.0 })
+    }
+
+    /// Whether seams may end anywhere.
+    pub fn seams_are_free(&self) -> bool {
+        self.seam == EdgePolicy::Free
+    }
+
+    /// Marks the ends of locked edges.
+    pub fn lock_points(&self, points: usize, edges: &[Edge]) -> Vec<bool> {
+        let locks = |kind: EdgeKind| {
+            (kind.has(EdgeKind::BORDER) && self.border == EdgePolicy::Lock)
+                || (kind.has(EdgeKind::MATERIAL) && self.material == EdgePolicy::Lock)
+                || (kind.has(EdgeKind::SEAM) && !kind.has(EdgeKind::MATERIAL) && self.seam == EdgePolicy::Lock)
+        };
+        let mut locked = vec![false; points];
+        for edge in edges.iter().filter(|e| locks(e.kind)) {
+            locked[edge.a as usize] = true;
+            locked[edge.b as usize] = true;
+        }
+        locked
+    }
+}

@@ -1,0 +1,172 @@
+//! The chain: one run from fine to coarse, a snapshot at each target.
+
+use super::deviation::Deviation;
+use super::options::{Algorithm, Mode, Options, Schedule, Target};
+use super::reducer::Reducer;
+use super::split::{faces_added, long_edges, split_at_midpoints, split_at_source};
+use super::{Chain, Level, Refusals, Stop, passes, queue};
+use crate::error::Result;
+use crate::mesh::Mesh;
+
+/// Share of a level's triangles that the split pass may place anew.
+const SPLIT_SHARE: f64 = 0.03;
+/// Factor on the triangle count between two looks at an error target.
+const ERROR_STEP: f64 = 0.93;
+
+/// Simplifies `mesh` to every target of `options`, each level from the one before.
+///
+/// # Errors
+/// [`Kind::Malformed`](crate::Kind::Malformed) when an index is out of range, an array has the wrong length or a position is not finite.
+///
+/// # Examples
+/// ```
+/// use gltf_lod::mesh::Mesh;
+/// use gltf_lod::simplify::{Options, Target, simplify};
+///
+/// // A flat grid of 2 × 16 × 16 triangles: two would do.
+/// let n = 17u32;
+/// let positions = (0..n * n).map(|i| [(i % n) as f32, (i / n) as f32, 0.0]).collect();
+/// let corner = |x, y| y * n + x;
+/// let triangles = (0..n - 1)
+///     .flat_map(|y| (0..n - 1).map(move |x| (x, y)))
+///     .flat_map(|(x, y)| {
+///         let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
+///         [[a, b, c], [a, c, d]]
+///     })
+///     .collect();
+/// let mesh = Mesh { positions, triangles, ..Mesh::default() };
+///
+/// let options = Options { levels: vec![Target::ratio(0.25), Target::triangles(8)], ..Options::default() };
+/// let chain = simplify(&mesh, &options)?;
+/// let triangles: Vec<usize> = chain.levels.iter().map(|level| level.mesh.triangles.len()).collect();
+/// assert_eq!(triangles, [128, 8]);
+/// # Ok::<(), gltf_lod::Error>(())
+/// ```
+pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
+    mesh.validate()?;
+    let mut chain = Builder { mesh, options, reducer: Reducer::new(mesh, options), deviation: None };
+    let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
+    Ok(Chain { levels })
+}
+
+struct Builder<'a> {
+    mesh: &'a Mesh,
+    options: &'a Options,
+    reducer: Reducer,
+    /// Built when first asked for.
+    deviation: Option<Deviation>,
+}
+
+impl Builder<'_> {
+    fn next_level(&mut self, target: &Target) -> Level {
+        self.reducer.refusals = Refusals::default();
+        let triangles = self.triangle_target(target);
+        let (mesh, stop) = match target.error {
+            Some(error) => self.reduce_within(error, triangles),
+            None => self.reduce_with_splits(triangles),
+        };
+        Level { mesh, stop, refusals: self.reducer.refusals }
+    }
+
+    fn reduce(&mut self, triangles: usize) -> Stop {
+        match self.options.schedule {
+            Schedule::Passes => passes::run(&mut self.reducer, triangles),
+            Schedule::Queue => queue::run(&mut self.reducer, triangles),
+        }
+    }
+
+    /// The count that the counting rules ask for: the first that binds on the way down is the largest. With an error rule alone, the least allowed.
+    fn triangle_target(&self, target: &Target) -> usize {
+        let source = self.mesh.triangles.len();
+        let least = self.options.min_triangles.clamp(1, source.max(1));
+        let ratio = target.ratio.map(|r| (source as f64 * r).round() as usize);
+        let without_count = if target.error.is_some() { least } else { source };
+        [ratio, target.triangles].into_iter().flatten().max().unwrap_or(without_count).max(least)
+    }
+
+    /// Goes down in steps for as long as the measured distance stays below `error`. The step too far stays done: the next level is below it.
+    fn reduce_within(&mut self, error: f64, triangles: usize) -> (Mesh, Stop) {
+        let mut kept = self.reducer.surface.to_mesh();
+        loop {
+            let count = self.reducer.surface.face_count();
+            if count <= triangles {
+                return (kept, Stop::Target);
+            }
+            let next = ((count as f64 * ERROR_STEP) as usize).min(count - 1).max(triangles);
+            let stop = self.reduce(next);
+            let tried = self.reducer.surface.to_mesh();
+            if self.deviation().of(&tried).max > error {
+                return (kept, Stop::Error);
+            }
+            kept = tried;
+            if stop == Stop::Stuck {
+                return (kept, stop);
+            }
+        }
+    }
+
+    fn reduce_with_splits(&mut self, triangles: usize) -> (Mesh, Stop) {
+        match (self.options.algorithm, self.options.split_factor) {
+            (Algorithm::Esqem(Mode::Paper), Some(factor)) => self.split_as_in_paper(triangles, f64::from(factor)),
+            (Algorithm::Esqem(Mode::Enhanced), Some(factor)) => self.split_where_it_helps(triangles, f64::from(factor)),
+            _ => {
+                let stop = self.reduce(triangles);
+                (self.reducer.surface.to_mesh(), stop)
+            }
+        }
+    }
+
+    /// Collapses past the target until the long edges' splits pay back exactly what is missing (ESQEM's equal counts).
+    fn split_as_in_paper(&mut self, triangles: usize, factor: f64) -> (Mesh, Stop) {
+        loop {
+            let count = self.reducer.surface.face_count();
+            let long = long_edges(&self.reducer.surface, factor);
+            let added = faces_added(&self.reducer.surface, &long);
+            if count + added <= triangles + 1 || count <= self.options.min_triangles {
+                let mut surface = self.reducer.surface.clone();
+                let mut stop = if count > triangles + 1 { Stop::Stuck } else { Stop::Target };
+                if count < triangles {
+                    split_at_midpoints(&mut surface, &long, triangles - count);
+                    // The last few by which the two counts miss each other: the next longest edges.
+                    while surface.face_count() + 1 < triangles {
+                        let (rest, longest) = (triangles - surface.face_count(), long_edges(&surface, 0.0));
+                        if split_at_midpoints(&mut surface, &longest, rest) == 0 {
+                            stop = Stop::Stuck;
+                            break;
+                        }
+                    }
+                }
+                return (surface.to_mesh(), stop);
+            }
+            // Less than what is missing: the long edges become fewer on the way.
+            let step = ((count + added - triangles) as f64 / 2.5).ceil() as usize;
+            if self.reduce(count.saturating_sub(step.max(2)).max(self.options.min_triangles)) == Stop::Stuck {
+                return (self.reducer.surface.to_mesh(), Stop::Stuck);
+            }
+        }
+    }
+
+    /// Tries a few triangles less, placed anew where the level is farthest from the source; keeps what is nearer.
+    fn split_where_it_helps(&mut self, triangles: usize, factor: f64) -> (Mesh, Stop) {
+        let stop = self.reduce(triangles);
+        let plain = self.reducer.surface.to_mesh();
+        let room = 2 * (triangles as f64 * SPLIT_SHARE * 0.5).round() as usize;
+        if stop != Stop::Target || room == 0 || triangles <= room + self.options.min_triangles {
+            return (plain, stop);
+        }
+        self.reduce(triangles - room);
+        let mut surface = self.reducer.surface.clone();
+        let missing = triangles.saturating_sub(surface.face_count());
+        let deviation = self.deviation();
+        let added = split_at_source(&mut surface, deviation, factor, missing);
+        let split = surface.to_mesh();
+        let (was, is) = (deviation.of(&plain), deviation.of(&split));
+        // The chain goes on from the collapses alone either way: the next level has splits of its own.
+        let better = added + 1 >= missing && is.max <= was.max && is.rms <= was.rms;
+        (if better { split } else { plain }, stop)
+    }
+
+    fn deviation(&mut self) -> &Deviation {
+        self.deviation.get_or_insert_with(|| Deviation::new(self.mesh))
+    }
+}

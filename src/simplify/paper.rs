@@ -1,0 +1,132 @@
+//! The costs of the papers: accumulated quadrics (QEM), and with Gaussian curvature added (ESQEM).
+
+use super::constraints::Constraints;
+use super::cost::{Candidate, Cost, Room, cheapest};
+use super::options::Options;
+use super::quadric::Quadric;
+use crate::attributes::Metric;
+use crate::curvature::{Curvature, border_points, normal_and_area};
+use crate::mesh::edges::Edge;
+use crate::mesh::surface::Surface;
+use crate::mesh::surgery::Merge;
+use crate::simplify::guard::is_on_border;
+use glam::DVec3;
+
+/// Quadrics summed up at merges (ESQEM eq. 1–7), plus `ω·K(e)` (eq. 12, 13).
+pub(crate) struct Paper {
+    constraints: Constraints,
+    room: Room,
+    options: Options,
+    quadrics: Vec<Quadric>,
+    curvatures: Vec<Curvature>,
+    /// ω = a · Q_avg / K_avg; 0 for QEM.
+    omega: f64,
+    metric: Metric,
+}
+
+impl Paper {
+    /// QEM (Garland & Heckbert 1997).
+    pub fn qem(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
+        let mut paper = Self {
+            constraints: Constraints::new(options),
+            room: Room::of(&surface.points),
+            options: options.clone(),
+            quadrics: vec![Quadric::default(); surface.points.len()],
+            curvatures: Vec::new(),
+            omega: 0.0,
+            metric: Metric::default(),
+        };
+        paper.accumulate(surface, edges);
+        paper
+    }
+
+    /// ESQEM: ω balances the averages of both terms over all edges.
+    pub fn esqem(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
+        let mut paper = Self::qem(surface, edges, options);
+        let border = border_points(surface.points.len(), edges);
+        paper.curvatures = (0..surface.points.len()).map(|p| Curvature::at(surface, p as u32, border[p])).collect();
+        let (mut quadric_sum, mut curvature_sum) = (0.0, 0.0);
+        for e in edges {
+            quadric_sum += paper.judge_quadric(surface, e.a, e.b, None).map_or(0.0, |c| c.cost);
+            curvature_sum += paper.curvature(e.a, e.b);
+        }
+        if curvature_sum > 0.0 {
+            paper.omega = f64::from(options.curvature_weight) * quadric_sum / curvature_sum;
+        }
+        paper
+    }
+
+    fn accumulate(&mut self, surface: &Surface, edges: &[Edge]) {
+        for f in surface.live_faces() {
+            let triangle = surface.triangle(f);
+            let (normal, _) = normal_and_area(triangle);
+            let plane = Quadric::plane(normal, triangle[0], 1.0);
+            surface.face(f).iter().for_each(|&p| self.quadrics[p as usize].add(&plane));
+        }
+        for edge in edges.iter().filter(|e| self.constraints.weight(e.kind) > 0.0) {
+            let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
+            for &corner in surface.ring(edge.a) {
+                if surface.opposite(corner).contains(&edge.b) {
+                    let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(corner)));
+                    let across = normal.cross(b - a).normalize_or_zero();
+                    let plane = Quadric::plane(across, a, self.constraints.weight(edge.kind));
+                    self.quadrics[edge.a as usize].add(&plane);
+                    self.quadrics[edge.b as usize].add(&plane);
+                }
+            }
+        }
+    }
+
+    fn curvature(&self, a: u32, b: u32) -> f64 {
+        match (self.curvatures.get(a as usize), self.curvatures.get(b as usize)) {
+            (Some(&a), Some(&b)) => Curvature::of_edge(a, b),
+            _ => 0.0,
+        }
+    }
+
+    /// Least quadric error: at the optimum if the matrix is invertible, else at an end or the midpoint (eq. 7).
+    fn judge_quadric(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        let mut quadric = self.quadrics[a as usize];
+        quadric.add(&self.quadrics[b as usize]);
+        let [pa, pb] = [a, b].map(|p| surface.points[p as usize]);
+        let middle = (pa + pb) * 0.5;
+        // An optimum far away is an ill-conditioned one.
+        let near = |x: &DVec3| x.distance_squared(middle) < 4.0 * pa.distance_squared(pb) && self.room.contains(*x);
+        let positions: &[DVec3] = match fixed.or_else(|| quadric.minimum().filter(near)) {
+            Some(x) => &[x],
+            None => &[pa, pb, middle],
+        };
+        cheapest(positions, |x| quadric.at(x))
+    }
+}
+
+impl Cost for Paper {
+    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
+        self.metric = Metric::new(surface, edges, &self.options.attribute_weights);
+    }
+
+    fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        let mut candidate = self.judge_quadric(surface, a, b, fixed)?;
+        candidate.cost += self.omega * self.curvature(a, b);
+        if !self.metric.is_empty() {
+            let [pa, pb] = [a, b].map(|p| surface.points[p as usize]);
+            let area = pa.distance_squared(pb);
+            // The quadrics here are not weighted by area; divided by it, the attribute term is of their unit.
+            if area > 0.0 {
+                candidate.cost += self.metric.deviation(surface, &Merge::new(surface, a, b), candidate.position) / area;
+            }
+        }
+        candidate.cost.is_finite().then_some(candidate)
+    }
+
+    fn merged(&mut self, kept: u32, gone: u32) {
+        let gone = self.quadrics[gone as usize];
+        self.quadrics[kept as usize].add(&gone);
+    }
+
+    fn update(&mut self, surface: &Surface, point: u32) {
+        if let Some(curvature) = self.curvatures.get_mut(point as usize) {
+            *curvature = Curvature::at(surface, point, is_on_border(surface, point));
+        }
+    }
+}

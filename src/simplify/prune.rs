@@ -1,0 +1,86 @@
+//! Whole pieces: a shell smaller than the error of the collapses around it goes at once, as no collapse can remove its last faces.
+
+use crate::curvature::normal_and_area;
+use crate::mesh::surface::Surface;
+use glam::DVec3;
+
+/// A rope is seen for its length: no piece counts less area than this share of its squared diagonal.
+const SEEN_SHARE: f64 = 0.1;
+
+/// A connected piece of the surface.
+#[derive(Debug, Clone)]
+pub(crate) struct Piece {
+    /// Its faces in order.
+    pub faces: Vec<u32>,
+    /// Cost of losing it, comparable with a collapse: its area times the mean square of half its diagonal.
+    pub cost: f64,
+}
+
+/// The connected pieces, cheapest first, without the dearest: that one stays.
+pub(crate) fn pieces(surface: &Surface) -> Vec<Piece> {
+    let mut pieces = split_pieces(surface);
+    pieces.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.faces.cmp(&b.faces)));
+    pieces.pop();
+    pieces
+}
+
+/// Removes a piece, if it is untouched in this pass and has no more than `most + 1` faces; gives the faces removed, at most `most`.
+pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, touched: &mut [bool]) -> usize {
+    let fresh =
+        |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize]);
+    if most == 0 || piece.faces.len() > most + 1 || !piece.faces.iter().all(fresh) {
+        return 0;
+    }
+    for &face in &piece.faces {
+        surface.face(face as usize).iter().for_each(|&p| touched[p as usize] = true);
+        surface.remove_face(face as usize);
+    }
+    piece.faces.len().min(most)
+}
+
+fn split_pieces(surface: &Surface) -> Vec<Piece> {
+    let mut parent: Vec<u32> = (0..surface.points.len() as u32).collect();
+    for f in surface.live_faces() {
+        let [a, b, c] = surface.face(f);
+        join(&mut parent, a, b);
+        join(&mut parent, a, c);
+    }
+    let mut index = vec![u32::MAX; surface.points.len()];
+    let mut gathered: Vec<(Vec<u32>, f64, DVec3, DVec3)> = Vec::new();
+    for f in surface.live_faces() {
+        let root = find(&mut parent, surface.face(f)[0]) as usize;
+        if index[root] == u32::MAX {
+            index[root] = gathered.len() as u32;
+            gathered.push((Vec::new(), 0.0, DVec3::INFINITY, DVec3::NEG_INFINITY));
+        }
+        let (faces, area, low, high) = &mut gathered[index[root] as usize];
+        faces.push(f as u32);
+        let triangle = surface.triangle(f);
+        *area += normal_and_area(triangle).1;
+        for p in triangle {
+            *low = low.min(p);
+            *high = high.max(p);
+        }
+    }
+    gathered
+        .into_iter()
+        .map(|(faces, area, low, high)| {
+            let square = low.distance_squared(high);
+            Piece { faces, cost: area.max(SEEN_SHARE * square) * square / 12.0 }
+        })
+        .collect()
+}
+
+fn find(parent: &mut [u32], mut p: u32) -> u32 {
+    while parent[p as usize] != p {
+        parent[p as usize] = parent[parent[p as usize] as usize];
+        p = parent[p as usize];
+    }
+    p
+}
+
+fn join(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (find(parent, a), find(parent, b));
+    // The smaller id wins, so that the roots do not depend on the order of joins.
+    parent[a.max(b) as usize] = a.min(b);
+}

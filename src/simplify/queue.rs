@@ -1,0 +1,143 @@
+//! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
+
+use super::reducer::{Outcome, Reducer, Terms};
+use super::{Stop, prune};
+use smallvec::SmallVec;
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
+/// A collapse in the queue. Entries are never changed: one whose `version` is old is skipped.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    cost: f64,
+    a: u32,
+    b: u32,
+    version: u32,
+    paid: bool,
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.cost.total_cmp(&other.cost).then((self.a, self.b, self.version).cmp(&(other.a, other.b, other.version)))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Entry {}
+
+struct Queue {
+    heap: BinaryHeap<Reverse<Entry>>,
+    /// Raised whenever what is known about a point's edges becomes old.
+    versions: Vec<u32>,
+}
+
+impl Queue {
+    fn fill(reducer: &mut Reducer) -> Self {
+        let edges = reducer.refresh();
+        reducer.count_locked(&edges);
+        let mut queue =
+            Self { heap: BinaryHeap::with_capacity(edges.len()), versions: vec![0; reducer.surface.points.len()] };
+        for e in &edges {
+            queue.push(reducer, e.a, e.b);
+        }
+        queue
+    }
+
+    fn push(&mut self, reducer: &Reducer, a: u32, b: u32) {
+        let (a, b) = (a.min(b), a.max(b));
+        if let Some(candidate) = reducer.judge(a, b) {
+            let version = self.version(a, b);
+            self.heap.push(Reverse(Entry { cost: candidate.cost, a, b, version, paid: false }));
+        }
+    }
+
+    fn version(&self, a: u32, b: u32) -> u32 {
+        self.versions[a as usize].wrapping_add(self.versions[b as usize])
+    }
+}
+
+/// Reduces to `target` faces (± 1).
+pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
+    while reducer.surface.face_count() > target {
+        let before = reducer.surface.face_count();
+        drain(reducer, target);
+        if reducer.surface.face_count() == before {
+            return Stop::Stuck;
+        }
+    }
+    Stop::Target
+}
+
+/// Collapses until the target or the end of the queue. Refused edges come back when something next to them changes.
+fn drain(reducer: &mut Reducer, target: usize) {
+    let mut queue = Queue::fill(reducer);
+    let mut pieces = prune::pieces(&reducer.surface).into_iter().peekable();
+    let mut touched = vec![false; reducer.surface.points.len()];
+    while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
+        let Some(Reverse(entry)) = queue.heap.pop() else {
+            // Nothing may collapse any more: then whole pieces have to go.
+            let Some(piece) = pieces.next() else { return };
+            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            continue;
+        };
+        if entry.version != queue.version(entry.a, entry.b) {
+            continue;
+        }
+        if let Some(piece) = pieces.next_if(|p| p.cost <= entry.cost) {
+            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            queue.heap.push(Reverse(entry));
+            continue;
+        }
+        let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
+        let terms = Terms { paid: entry.paid, most: left + 1 };
+        match reducer.collapse((entry.a, entry.b), candidate, terms) {
+            Outcome::Done(_) => {
+                touched[entry.a as usize] = true;
+                requeue(&mut queue, reducer, entry.a, entry.b);
+            }
+            Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { cost, paid: true, ..entry })),
+            Outcome::Refused => {}
+        }
+    }
+}
+
+/// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.
+fn requeue(queue: &mut Queue, reducer: &mut Reducer, kept: u32, gone: u32) {
+    let around = neighbours(reducer, kept);
+    queue.versions[gone as usize] = queue.versions[gone as usize].wrapping_add(1);
+    for &p in around.iter().chain(&[kept]) {
+        reducer.cost.update(&reducer.surface, p);
+        queue.versions[p as usize] = queue.versions[p as usize].wrapping_add(1);
+    }
+    for &p in around.iter().chain(&[kept]) {
+        for q in neighbours(reducer, p) {
+            // Edges between two changed points are met from both ends.
+            if p < q || !(q == kept || around.contains(&q)) {
+                queue.push(reducer, p, q);
+            }
+        }
+    }
+}
+
+fn neighbours(reducer: &Reducer, point: u32) -> SmallVec<[u32; 16]> {
+    let mut found = SmallVec::new();
+    for &corner in reducer.surface.ring(point) {
+        for p in reducer.surface.opposite(corner) {
+            if !found.contains(&p) {
+                found.push(p);
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,139 @@
+//! Outputs hold everything of their sources unchanged, and their levels keep the rules that real loaders have.
+
+mod support;
+
+use std::path::Path;
+use std::sync::LazyLock;
+use support::difference::forbidden_differences;
+use support::lod_rules::{level_ids, new_roots, violations};
+use support::reader::Gltf;
+use support::{Build, assets_below, build, build_shared, directory_from, files_below, fixtures, items, report_of, run};
+
+/// Fixtures whose meshes must not get levels: too small, or with levels already.
+const WITHOUT_NEW_LEVELS: [&str; 2] = ["shapes/cube.glb", "existing_lod/sphere.glb"];
+
+/// All fixtures with their own settings, built once.
+fn built_fixtures() -> &'static Build {
+    static BUILD: LazyLock<Build> = LazyLock::new(|| build_shared("roundtrip", &fixtures(), &[]));
+    assert_eq!(BUILD.run.code, Some(0), "{}", BUILD.run.stderr);
+    &BUILD
+}
+
+#[test]
+fn fixtures_keep_all_they_had_and_gain_valid_levels() {
+    let build = built_fixtures();
+    for relative in assets_below(&fixtures()) {
+        let (source, output) = (Gltf::open(&fixtures().join(&relative)), Gltf::open(&build.out.path().join(&relative)));
+        expect_sound(&relative, &source, &output);
+        let wanted = !WITHOUT_NEW_LEVELS.iter().any(|name| relative == Path::new(name));
+        assert_eq!(!new_roots(&source, &output).is_empty(), wanted, "{}", relative.display());
+    }
+}
+
+#[test]
+fn untouched_assets_and_resources_are_copied_byte_for_byte() {
+    let build = built_fixtures();
+    let (sources, outputs) = (files_below(&fixtures()), files_below(build.out.path()));
+    for name in WITHOUT_NEW_LEVELS {
+        assert!(outputs[Path::new(name)] == sources[Path::new(name)], "{name} changed");
+    }
+    let mut pictures = 0;
+    for (relative, bytes) in sources.iter().filter(|(path, _)| path.extension().is_some_and(|e| e == "png")) {
+        assert!(outputs.get(relative) == Some(bytes), "{} is missing or changed", relative.display());
+        pictures += 1;
+    }
+    assert_eq!(pictures, 2);
+    let readme = Path::new("README.md");
+    assert!(sources.contains_key(readme) && !outputs.contains_key(readme), "files that are not glTF are left alone");
+}
+
+#[test]
+fn progressive_layout_keeps_the_document() {
+    let settings = tempfile::NamedTempFile::with_suffix(".toml").expect("a temporary file");
+    std::fs::write(settings.path(), "layout = \"progressive\"\nsamples = 2000\n").expect("a writable file");
+    let config = settings.path().to_str().expect("a UTF-8 path");
+    let build = build(&fixtures(), &["--config", config]);
+    assert_eq!(build.run.code, Some(0), "{}", build.run.stderr);
+    for relative in assets_below(&fixtures()) {
+        let (source, output) = (Gltf::open(&fixtures().join(&relative)), Gltf::open(&build.out.path().join(&relative)));
+        assert_eq!(violations(&source, &output), [""; 0], "{}", relative.display());
+        expect_equal_geometry(&relative, &source, &output);
+    }
+}
+
+#[test]
+fn a_second_run_keeps_the_levels_of_the_first() {
+    let first = built_fixtures();
+    let second = build(first.out.path(), &[]);
+    assert_eq!(second.run.code, Some(0), "{}", second.run.stderr);
+    assert!(files_below(first.out.path()) == files_below(second.out.path()), "levels were made of levels");
+}
+
+#[test]
+fn a_dry_run_writes_nothing() {
+    let build = build(&fixtures().join("storage"), &["--dry-run"]);
+    assert_eq!(build.run.code, Some(0), "{}", build.run.stderr);
+    assert!(files_below(build.out.path()).is_empty());
+}
+
+#[test]
+fn one_file_is_built_like_a_directory() {
+    let whole = built_fixtures();
+    let single = build(&fixtures().join("shapes/gear.glb"), &[]);
+    assert_eq!(single.run.code, Some(0), "{}", single.run.stderr);
+    let built = files_below(single.out.path());
+    assert_eq!(built.keys().map(|path| path.as_path()).collect::<Vec<_>>(), [Path::new("gear.glb")]);
+    // The rules of fixtures/gltf-lod.toml reach up to the input root only: here that is the file's own directory.
+    let triangles =
+        |build: &Build, name: &str| report_of(&build.report, Path::new(name))["meshes"][0]["triangles"].clone();
+    assert_eq!(triangles(whole, "shapes/gear.glb"), triangles(&single, "gear.glb"));
+}
+
+#[test]
+fn outputs_can_be_inspected() {
+    let relative = Path::new("skinned/bending_cylinder.glb");
+    let file = built_fixtures().out.path().join(relative);
+    let inspected = run(&["inspect".as_ref(), "--json".as_ref(), file.as_os_str()]);
+    assert_eq!(inspected.code, Some(0), "{}", inspected.stderr);
+    let inspected: serde_json::Value = serde_json::from_str(&inspected.stdout).expect("JSON");
+    let levels = items(&inspected["lods"][0]["levels"]);
+    let (source, output) = (Gltf::open(&fixtures().join(relative)), Gltf::open(&file));
+    let root = new_roots(&source, &output)[0];
+    assert_eq!(levels.len(), 1 + level_ids(&output, root).len());
+}
+
+#[test]
+fn corpus_keeps_all_it_had_and_gains_valid_levels() {
+    let Some(corpus) = directory_from("GLTF_LOD_CORPUS") else { return };
+    for part in std::fs::read_dir(&corpus).expect("a readable corpus") {
+        let part = part.expect("a readable corpus").path();
+        if !part.is_dir() || part.ends_with("invalid") {
+            continue;
+        }
+        let build = build(&part, &[]);
+        assert!(matches!(build.run.code, Some(0 | 3)), "{}: {}", part.display(), build.run.stderr);
+        for relative in assets_below(&part) {
+            let output = build.out.path().join(&relative);
+            if report_of(&build.report, &relative)["status"] == "failed" {
+                // The one file of the corpus that no reader can load: its buffer has no data.
+                assert!(relative.ends_with("CubeWithLOD.gltf"), "{}: {}", relative.display(), build.run.stderr);
+                assert!(!output.exists());
+                continue;
+            }
+            expect_sound(&relative, &Gltf::open(&part.join(&relative)), &Gltf::open(&output));
+        }
+    }
+}
+
+fn expect_sound(relative: &Path, source: &Gltf, output: &Gltf) {
+    assert_eq!(forbidden_differences(source, output), [""; 0], "{}", relative.display());
+    assert_eq!(violations(source, output), [""; 0], "{}", relative.display());
+}
+
+/// Every accessor of the source holds the same numbers in the output.
+fn expect_equal_geometry(relative: &Path, source: &Gltf, output: &Gltf) {
+    for accessor in 0..source.list("accessors").len() {
+        let (before, after) = (source.elements(accessor), output.elements(accessor));
+        assert!(before == after, "{}: accessor {accessor} holds other numbers", relative.display());
+    }
+}
