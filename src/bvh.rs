@@ -89,10 +89,14 @@ impl Bvh {
     }
 
     /// The point closest to `point` among those at most `limit` away (`f64::INFINITY`: any), `None` if there is none.
-    /// Equally close triangles: the one with the lowest index. A `hint`, the answer for a point nearby, makes it
-    /// faster and changes nothing else.
-    pub fn closest(&self, point: DVec3, limit: f64, hint: Option<&Hit>) -> Option<Hit> {
-        self.search(point, limit * limit, -1.0, hint)
+    /// Equally close triangles: the one with the lowest index.
+    pub fn closest(&self, point: DVec3, limit: f64) -> Option<Hit> {
+        self.search(point, limit * limit, -1.0, None)
+    }
+
+    /// [`Bvh::closest`] without a limit, faster when `hint` was the answer for a point nearby. The answer is the same.
+    pub fn closest_near(&self, point: DVec3, hint: Option<&Hit>) -> Option<Hit> {
+        self.search(point, f64::INFINITY, -1.0, hint)
     }
 
     /// The closest point if it is farther than `distance`, else `None`: much cheaper than [`Bvh::closest`] where the
@@ -365,13 +369,13 @@ mod tests {
     #[test]
     fn finds_face_edge_and_corner() {
         let bvh = Bvh::new(&SQUARE, &[[0, 1, 2], [0, 2, 3]]);
-        let face = bvh.closest(DVec3::new(0.75, 0.25, 2.0), f64::INFINITY, None).unwrap();
+        let face = bvh.closest(DVec3::new(0.75, 0.25, 2.0), f64::INFINITY).unwrap();
         assert_eq!((face.distance_squared, face.triangle), (4.0, 0));
         assert_eq!(face.point, DVec3::new(0.75, 0.25, 0.0));
         assert_eq!(face.barycentric, [0.25, 0.5, 0.25]);
-        let edge = bvh.closest(DVec3::new(-3.0, 0.5, 4.0), f64::INFINITY, None).unwrap();
+        let edge = bvh.closest(DVec3::new(-3.0, 0.5, 4.0), f64::INFINITY).unwrap();
         assert_eq!((edge.distance(), edge.triangle), (5.0, 1));
-        let corner = bvh.closest(DVec3::new(3.0, 2.0, 2.0), f64::INFINITY, None).unwrap();
+        let corner = bvh.closest(DVec3::new(3.0, 2.0, 2.0), f64::INFINITY).unwrap();
         assert_eq!((corner.distance(), corner.triangle, corner.barycentric), (3.0, 0, [0.0, 0.0, 1.0]));
     }
 
@@ -379,8 +383,8 @@ mod tests {
     fn limits_are_inclusive() {
         let bvh = Bvh::new(&SQUARE, &[[0, 1, 2]]);
         let point = DVec3::new(0.5, 0.25, 2.0);
-        assert!(bvh.closest(point, 2.0, None).is_some());
-        assert!(bvh.closest(point, 1.99, None).is_none());
+        assert!(bvh.closest(point, 2.0).is_some());
+        assert!(bvh.closest(point, 1.99).is_none());
         assert!(bvh.closest_beyond(point, 1.99, None).is_some());
         assert!(bvh.closest_beyond(point, 2.0, None).is_none());
     }
@@ -388,22 +392,22 @@ mod tests {
     #[test]
     fn equal_distances_go_to_the_lowest_index() {
         let bvh = Bvh::new(&SQUARE, &[[0, 1, 2]; 40]);
-        let hit = bvh.closest(DVec3::new(0.9, 0.1, 1.0), f64::INFINITY, None).unwrap();
+        let hit = bvh.closest(DVec3::new(0.9, 0.1, 1.0), f64::INFINITY).unwrap();
         assert_eq!(hit.triangle, 0);
         let last = Hit { slot: bvh.ids.iter().position(|&t| t == 39).unwrap() as u32, ..hit };
-        assert_eq!(bvh.closest(DVec3::new(0.9, 0.1, 1.0), f64::INFINITY, Some(&last)).unwrap().triangle, 0);
+        assert_eq!(bvh.closest_near(DVec3::new(0.9, 0.1, 1.0), Some(&last)).unwrap().triangle, 0);
     }
 
     #[test]
     fn an_empty_tree_has_no_closest_point() {
-        assert!(Bvh::new(&[], &[]).closest(DVec3::ZERO, f64::INFINITY, None).is_none());
+        assert!(Bvh::new(&[], &[]).closest(DVec3::ZERO, f64::INFINITY).is_none());
     }
 
     #[test]
     fn points_and_segments_count() {
         let bvh = Bvh::new(&SQUARE, &[[2, 2, 2], [0, 1, 0]]);
-        assert_eq!(bvh.closest(DVec3::new(1.0, 3.0, 0.0), f64::INFINITY, None).unwrap().distance(), 2.0);
-        assert_eq!(bvh.closest(DVec3::new(0.5, -3.0, 4.0), f64::INFINITY, None).unwrap().distance(), 5.0);
+        assert_eq!(bvh.closest(DVec3::new(1.0, 3.0, 0.0), f64::INFINITY).unwrap().distance(), 2.0);
+        assert_eq!(bvh.closest(DVec3::new(0.5, -3.0, 4.0), f64::INFINITY).unwrap().distance(), 5.0);
     }
 
     /// Bits lost far from the origin must not show up as a distance.
@@ -411,7 +415,7 @@ mod tests {
     fn far_from_the_origin_the_distance_stays_exact() {
         let positions = SQUARE.map(|[x, y, z]| [x + 1.0e6, y - 2.0e6, z]);
         let bvh = Bvh::new(&positions, &[[0, 1, 2], [0, 2, 3]]);
-        let hit = bvh.closest(DVec3::new(1.0e6 + 0.1, -2.0e6 + 0.3, 1e-9), f64::INFINITY, None).unwrap();
+        let hit = bvh.closest(DVec3::new(1.0e6 + 0.1, -2.0e6 + 0.3, 1e-9), f64::INFINITY).unwrap();
         assert_eq!(hit.distance(), 1e-9);
     }
 
@@ -444,10 +448,10 @@ mod tests {
             let mut hint = None;
             for point in points {
                 let point = (DVec3::from(point) + wide(shift)) * f64::from(scale);
-                let hit = bvh.closest(point, f64::INFINITY, None).unwrap();
+                let hit = bvh.closest(point, f64::INFINITY).unwrap();
                 let (distance, triangle) = brute_force(&positions, &triangles, point).unwrap();
                 prop_assert_eq!((hit.distance_squared, hit.triangle), (distance, triangle));
-                prop_assert_eq!(Some(hit), bvh.closest(point, f64::INFINITY, hint.as_ref()));
+                prop_assert_eq!(Some(hit), bvh.closest_near(point, hint.as_ref()));
                 let near_enough = bvh.closest_beyond(point, hit.distance() * 1.001, hint.as_ref());
                 prop_assert!(near_enough.is_none());
                 let beyond = bvh.closest_beyond(point, hit.distance() * 0.999, hint.as_ref());

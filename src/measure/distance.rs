@@ -47,7 +47,7 @@ fn find_closest(samples: &[Sample], to: &Bvh) -> Vec<Hit> {
         let mut last = None;
         let mut hits = Vec::with_capacity(chunk.len());
         for sample in chunk {
-            last = to.closest(sample.point, f64::INFINITY, last.as_ref());
+            last = to.closest_near(sample.point, last.as_ref());
             hits.extend(last);
         }
         hits

@@ -42,7 +42,7 @@ fn count_flipped(source: &Surface, level: &Surface, diagonal: f64) -> usize {
         let mut is_flipped = |&face: &u32| {
             let centroid = level.triangles[face as usize].iter().sum::<DVec3>() / 3.0;
             let normal = level.normals[face as usize];
-            last = source.bvh.closest(centroid, f64::INFINITY, last.as_ref());
+            last = source.bvh.closest_near(centroid, last.as_ref());
             last.is_some_and(|hit| {
                 let hit = choose_side(hit, centroid, normal, &source.bvh, &source.normals, diagonal);
                 source.normals[hit.triangle as usize].dot(normal) < 0.0
