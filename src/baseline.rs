@@ -1,7 +1,7 @@
 //! meshoptimizer at the same triangle count: what every level of ours is compared with.
 //!
-//! The whole mesh goes in as one index buffer, so that group borders are seams and stay closed. Vertices that are equal in
-//! everything are merged first, as the library's manual asks: otherwise it takes each of them for a seam.
+//! The whole mesh goes in as one index buffer, so that group borders are seams and stay closed. Vertices that are
+//! equal in everything are merged first, as the library's manual asks: otherwise it takes each of them for a seam.
 
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Ruler, Sampling};
@@ -69,7 +69,8 @@ impl Settings {
 /// meshoptimizer's best comparable settings: see [`simplify_by`].
 ///
 /// # Errors
-/// [`Kind::Malformed`] when an index of `mesh` is out of range, an array has the wrong length or a number is not finite.
+/// [`Kind::Malformed`] when an index of `mesh` is out of range, an array has the wrong length or a number is not
+/// finite.
 pub fn simplify(mesh: &Mesh, triangles: usize) -> Result<Baseline> {
     check_mesh(mesh)?;
     simplify_by(mesh, triangles, &Ruler::new(mesh, Sampling::for_triangles(triangles)))
@@ -77,9 +78,9 @@ pub fn simplify(mesh: &Mesh, triangles: usize) -> Result<Baseline> {
 
 /// [`simplify`] with a ruler at hand, made for `mesh`.
 ///
-/// Attributes are always on. Runs with and without `permissive`, with and without `update`; if none of the four meets the target,
-/// `permissive+prune` as well, with and without `update`. Among those that meet it, the one with the smallest two-sided RMS distance wins; if
-/// none does, the one that comes closest.
+/// Attributes are always on. Runs with and without `permissive`, with and without `update`; if none of the four meets
+/// the target, `permissive+prune` as well, with and without `update`. Among those that meet it, the one with the
+/// smallest two-sided RMS distance wins; if none does, the one that comes closest.
 ///
 /// # Errors
 /// As [`simplify`].
@@ -111,7 +112,8 @@ pub fn simplify_by(mesh: &Mesh, triangles: usize, ruler: &Ruler) -> Result<Basel
     found.into_iter().next().ok_or_else(|| Error::new(Kind::Internal, "no settings were tried"))
 }
 
-/// Simplifies `mesh` to `triangles` by these settings alone. Give it the level before instead of the source for a chain.
+/// Simplifies `mesh` to `triangles` by these settings alone. Give it the level before instead of the source for a
+/// chain.
 ///
 /// # Errors
 /// As [`simplify`].
@@ -119,8 +121,8 @@ pub fn simplify_with(mesh: &Mesh, triangles: usize, settings: Settings) -> Resul
     Prepared::new(mesh)?.run(triangles, settings)
 }
 
-/// Triangles that a result is away from the target; 0 if it counts as met. Worse than any other: nothing left at all, as pruning
-/// may do.
+/// Triangles that a result is away from the target; 0 if it counts as met. Worse than any other: nothing left at all,
+/// as pruning may do.
 fn miss(baseline: &Baseline, target: usize) -> usize {
     match baseline.mesh.triangles.len() {
         _ if baseline.reached => 0,
@@ -169,8 +171,8 @@ impl Prepared {
         Ok(Self { mesh, groups, protected, channels, values, weights })
     }
 
-    /// One step of the library can take many triangles, so that it ends below the target: then what to ask for is bisected, and the
-    /// result that comes closest from below counts.
+    /// One step of the library can take many triangles, so that it ends below the target: then what to ask for is
+    /// bisected, and the result that comes closest from below counts.
     fn run(&self, target: usize, settings: Settings) -> Result<Baseline> {
         let target = target.min(self.mesh.triangles.len());
         let mut best = self.run_once(target, target, settings)?;
@@ -233,8 +235,9 @@ impl Prepared {
     }
 }
 
-/// The attributes that count, with meshoptimizer's own proportions (its `gltfpack` gives normals 0.5 and colours 1, where 1 is a position
-/// error as large as the mesh). Texture coordinates: a slip costs what the same distance on the surface would.
+/// The attributes that count, with meshoptimizer's own proportions (its `gltfpack` gives normals 0.5 and colours 1,
+/// where 1 is a position error as large as the mesh). Texture coordinates: a slip costs what the same distance on the
+/// surface would.
 fn weigh_attributes(mesh: &Mesh) -> (Vec<Channel>, Vec<f32>) {
     let mut channels = Vec::new();
     let mut weights = Vec::new();
@@ -270,8 +273,8 @@ fn weigh_tex_coords(mesh: &Mesh, values: &[f32]) -> f32 {
     if weight.is_finite() { weight as f32 } else { 0.0 }
 }
 
-/// The triangles with the vertices they use. A triangle that got vertices of several groups goes to the commonest, with copies of the
-/// others.
+/// The triangles with the vertices they use. A triangle that got vertices of several groups goes to the commonest,
+/// with copies of the others.
 fn extract(mesh: &Mesh, mut triangles: Vec<[u32; 3]>, vertex_groups: &[u32]) -> Mesh {
     let group = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| vertex_groups[v as usize]);
@@ -412,8 +415,8 @@ mod tests {
 
     const SAMPLING: Sampling = Sampling { samples: 2_000, seed: 1 };
 
-    /// A latitude-longitude sphere of 4 n (n − 1) triangles, no vertex shared. Only `faceted` gives its corners different
-    /// normals.
+    /// A latitude-longitude sphere of 4 n (n − 1) triangles, no vertex shared. Only `faceted` gives its corners
+    /// different normals.
     fn sphere(n: u32, faceted: bool) -> Mesh {
         let at = |ring: u32, segment: u32| {
             let polar = std::f32::consts::PI * ring as f32 / n as f32;

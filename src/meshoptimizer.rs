@@ -39,7 +39,8 @@ pub struct Updated {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Collapses edges until at most `target` triangles are left or nothing more may collapse. The vertices stay as they are.
+/// Collapses edges until at most `target` triangles are left or nothing more may collapse. The vertices stay as they
+/// are.
 ///
 /// # Errors
 /// [`Kind::Malformed`] when an index is out of range, an array has the wrong length or a number is not finite.
@@ -90,8 +91,8 @@ pub fn simplify_with_update(input: &Input, target: usize, flags: Flags) -> Resul
     Ok(Updated { positions, attributes, triangles: group_triangles(&indices) })
 }
 
-/// Orders `triangles` for the GPU's vertex cache and renumbers their vertices in the order of first use. Returns, for each
-/// new vertex, the old one: what the vertex arrays are to be gathered by. Unused vertices are left out.
+/// Orders `triangles` for the GPU's vertex cache and renumbers their vertices in the order of first use. Returns, for
+/// each new vertex, the old one: what the vertex arrays are to be gathered by. Unused vertices are left out.
 ///
 /// # Errors
 /// [`Kind::Malformed`] when an index is not below `vertex_count`.

@@ -1,4 +1,5 @@
-//! The distance from one surface to another: a mean over samples, a maximum over every place where it may sit.
+//! The distance from one surface to another: means over samples, and the maximum over every place where it may sit:
+//! the samples, all vertices, points along the borders, the centroids of all faces, and a lattice on the worst faces.
 
 use super::sample::{Sample, blend};
 use super::{Distance, surface::Surface};
@@ -7,27 +8,38 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Points that one task handles in turn, each a hint for the next. Fixed, so that nothing depends on the threads.
-const CHUNK: usize = 512;
+pub const CHUNK: usize = 512;
 
-/// The farthest samples say on which faces a maximum may sit between the samples.
-const WORST_SAMPLES: usize = 512;
+/// Faces that get a lattice: those of the farthest samples and centroids.
 const WORST_FACES: usize = 64;
+
+/// As many of the farthest samples as are looked at for worst faces.
+const WORST_SAMPLES: usize = 512;
+
+/// A centroid at this share of the largest distance or more makes its face a candidate too. Dense meshes have more
+/// faces than samples.
+const NEARLY: f64 = 0.75;
+
+/// Between samples no maximum below this share of the diagonal is looked for: it is rounding of f32 positions, and
+/// surfaces that are the same would cost an exact search for every point.
+const RESOLUTION: f64 = 1e-8;
 
 /// Steps along each edge of the lattice on a worst face: 861 points.
 const LATTICE: u32 = 40;
 
 /// Distance from the surface `from` to the one in `to`, and the closest point for each of its samples. Both surfaces
-/// have triangles.
-pub fn measure_distance(from: &Surface, to: &Bvh) -> (Distance, Vec<Hit>) {
+/// have triangles. `diagonal` sets the scale of what counts as 0.
+pub fn measure_distance(from: &Surface, to: &Bvh, diagonal: f64) -> (Distance, Vec<Hit>) {
     let hits = find_closest(&from.samples, to);
     let count = hits.len().max(1) as f64;
     let mean = hits.iter().map(Hit::distance).sum::<f64>() / count;
     let rms = (hits.iter().map(|hit| hit.distance_squared).sum::<f64>() / count).sqrt();
-    let max = hits.iter().map(Hit::distance).fold(0.0, f64::max);
-    let max = raise_by_points(max, &from.vertices, to);
+    let of_samples = hits.iter().map(Hit::distance).fold(0.0, f64::max);
+    let floor = of_samples.max(diagonal * RESOLUTION);
+    let max = raise_by_points(floor, &from.vertices, to);
     let max = raise_by_points(max, &from.border, to);
     let max = raise_by_worst_faces(max, from, &hits, to);
-    (Distance { max, rms, mean }, hits)
+    (Distance { max: if max > floor { max } else { of_samples }, rms, mean }, hits)
 }
 
 fn find_closest(samples: &[Sample], to: &Bvh) -> Vec<Hit> {
@@ -52,34 +64,47 @@ pub fn raise_by_points(max: f64, points: &[DVec3], to: &Bvh) -> f64 {
 }
 
 fn raise_by_worst_faces(max: f64, from: &Surface, hits: &[Hit], to: &Bvh) -> f64 {
-    let raise = |&sample: &usize| {
-        let triangle = from.triangles[from.samples[sample].triangle as usize];
+    let raise = |(face, near): &(u32, Hit)| {
+        let triangle = from.triangles[*face as usize];
         lattice().fold(max, |max, barycentric| {
-            let hit = to.closest_beyond(blend(triangle, barycentric), max, Some(&hits[sample]));
+            let hit = to.closest_beyond(blend(triangle, barycentric), max, Some(near));
             hit.map_or(max, |hit| hit.distance())
         })
     };
-    worst_faces(&from.samples, hits).par_iter().map(raise).reduce(|| max, f64::max)
+    find_worst_faces(max, from, hits, to).par_iter().map(raise).reduce(|| max, f64::max)
 }
 
-/// The farthest sample of each of the faces that the farthest samples lie on.
-fn worst_faces(samples: &[Sample], hits: &[Hit]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..hits.len()).collect();
-    let farther =
-        |&a: &usize, &b: &usize| hits[b].distance_squared.total_cmp(&hits[a].distance_squared).then(a.cmp(&b));
-    if order.len() > WORST_SAMPLES {
-        order.select_nth_unstable_by(WORST_SAMPLES, farther);
-        order.truncate(WORST_SAMPLES);
-    }
-    order.sort_unstable_by(farther);
+/// Each with the closest point of its farthest sample or centroid.
+fn find_worst_faces(max: f64, from: &Surface, hits: &[Hit], to: &Bvh) -> Vec<(u32, Hit)> {
+    let of_samples = from.samples.iter().zip(hits).map(|(sample, &hit)| (sample.triangle, hit));
+    let of_centroid = |&face: &u32| {
+        let centroid = blend(from.triangles[face as usize], [1.0 / 3.0; 3]);
+        Some((face, to.closest_beyond(centroid, max * NEARLY, None)?))
+    };
+    let mut worst = keep_farthest(of_samples.collect());
+    worst.extend(keep_farthest(from.bvh.spatial_order().par_iter().filter_map(of_centroid).collect()));
+    worst.sort_unstable_by(farther);
     let mut faces = Vec::with_capacity(WORST_FACES);
-    order.retain(|&sample| {
-        let face = samples[sample].triangle;
+    worst.retain(|&(face, _)| {
         let new = faces.len() < WORST_FACES && !faces.contains(&face);
         faces.extend(new.then_some(face));
         new
     });
-    order
+    worst
+}
+
+fn keep_farthest(mut candidates: Vec<(u32, Hit)>) -> Vec<(u32, Hit)> {
+    if candidates.len() > WORST_SAMPLES {
+        candidates.select_nth_unstable_by(WORST_SAMPLES, farther);
+        candidates.truncate(WORST_SAMPLES);
+    }
+    candidates
+}
+
+/// Farthest first; the rest makes the order the same for any sort.
+fn farther((a, x): &(u32, Hit), (b, y): &(u32, Hit)) -> std::cmp::Ordering {
+    let by_place = || x.point.to_array().partial_cmp(&y.point.to_array()).unwrap_or(std::cmp::Ordering::Equal);
+    y.distance_squared.total_cmp(&x.distance_squared).then(a.cmp(b)).then_with(by_place)
 }
 
 fn lattice() -> impl Iterator<Item = [f64; 3]> {

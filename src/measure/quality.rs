@@ -2,6 +2,7 @@
 
 use super::Measurement;
 use super::appearance::choose_side;
+use super::distance::CHUNK;
 use super::surface::Surface;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -22,8 +23,7 @@ pub fn judge_faces(source: &Surface, level: &Surface, diagonal: f64, result: &mu
         .zip(&level.topology.repeats_corner)
         .filter(|&(&area, &twice)| twice || area <= no_area)
         .count();
-    result.flipped =
-        (0..level.triangles.len()).into_par_iter().filter(|&t| is_flipped(t, source, level, diagonal)).count();
+    result.flipped = count_flipped(source, level, diagonal);
 }
 
 /// Degrees; 0 for a face without area.
@@ -35,15 +35,22 @@ fn smallest_angle(&[a, b, c]: &[DVec3; 3]) -> f64 {
     angle(a, b, c).min(angle(b, c, a)).min(angle(c, a, b)).to_degrees()
 }
 
-/// Whether the source face nearest to the centroid looks the other way.
-fn is_flipped(face: usize, source: &Surface, level: &Surface, diagonal: f64) -> bool {
-    let centroid = level.triangles[face].iter().sum::<DVec3>() / 3.0;
-    let normal = level.normals[face];
-    let nearest = source.bvh.closest(centroid, f64::INFINITY);
-    nearest.is_some_and(|hit| {
-        let hit = choose_side(hit, centroid, normal, &source.bvh, &source.normals, diagonal);
-        source.normals[hit.triangle as usize].dot(normal) < 0.0
-    })
+/// Faces whose centroid's nearest source face looks the other way.
+fn count_flipped(source: &Surface, level: &Surface, diagonal: f64) -> usize {
+    let count = |chunk: &[u32]| {
+        let mut last = None;
+        let mut is_flipped = |&face: &u32| {
+            let centroid = level.triangles[face as usize].iter().sum::<DVec3>() / 3.0;
+            let normal = level.normals[face as usize];
+            last = source.bvh.closest_near(centroid, last.as_ref());
+            last.is_some_and(|hit| {
+                let hit = choose_side(hit, centroid, normal, &source.bvh, &source.normals, diagonal);
+                source.normals[hit.triangle as usize].dot(normal) < 0.0
+            })
+        };
+        chunk.iter().filter(|face| is_flipped(face)).count()
+    };
+    level.bvh.spatial_order().par_chunks(CHUNK).map(count).sum()
 }
 
 #[cfg(test)]

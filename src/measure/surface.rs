@@ -6,7 +6,7 @@ use crate::bvh::Bvh;
 use crate::mesh::Mesh;
 use glam::DVec3;
 
-/// Most points on each open edge: the largest distance often sits there.
+/// Most points on each open edge.
 const BORDER_POINTS: usize = 16;
 
 #[derive(Debug)]
@@ -28,13 +28,14 @@ impl Surface {
         let point = |v: u32| DVec3::from(mesh.positions[v as usize].map(f64::from));
         let triangles: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|t| t.map(point)).collect();
         let (normals, areas): (Vec<_>, Vec<_>) = triangles.iter().map(orient).unzip();
-        let samples = sample_surface(&triangles, &areas, sampling.samples, sampling.seed);
+        let bvh = Bvh::new(&mesh.positions, &mesh.triangles);
+        let samples = sample_surface(&triangles, &areas, bvh.spatial_order(), sampling.samples, sampling.seed);
         let topology = Topology::new(mesh);
         let open_edges = topology.open_edges.iter().map(|edge| edge.map(point));
         Self {
             border: spread_on_edges(open_edges, sampling.samples),
             vertices: topology.vertices.iter().map(|&v| point(v)).collect(),
-            bvh: Bvh::new(&mesh.positions, &mesh.triangles),
+            bvh,
             triangles,
             normals,
             areas,

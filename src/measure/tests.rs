@@ -97,8 +97,8 @@ fn a_larger_cube_is_farthest_at_its_corners() {
     assert_eq!((result.gap_edges, result.flipped), (0, 0));
 }
 
-/// Shifted by 0.1 along x, one side sticks out by 0.1 and one lies inside, where the four sides beside it may be nearer:
-/// ∫₀^0.1 (1 − 2t)² dt. Of the four other sides a strip sticks out: ∫₀^0.1 t dt each.
+/// Shifted by 0.1 along x, one side sticks out by 0.1 and one lies inside, where the four sides beside it may be
+/// nearer: ∫₀^0.1 (1 − 2t)² dt. Of the four other sides a strip sticks out: ∫₀^0.1 t dt each.
 #[test]
 fn a_shifted_cube_is_partly_in_place() {
     let result = Ruler::new(&cube(false), SAMPLING).measure(&moved(&cube(false), |[x, y, z]| [x + 0.1, y, z]));
@@ -113,8 +113,8 @@ fn a_shifted_cube_is_partly_in_place() {
 #[test]
 fn an_inscribed_sphere_is_farthest_in_the_middle_of_its_faces() {
     let result = Ruler::new(&sphere(64), Sampling::default()).measure(&sphere(8));
-    // The plane of a quad at the equator is 1/√(1 + 2 tan²(π/16)) from the centre; the fine one lies up to 0.0006 inside
-    // of the sphere itself.
+    // The plane of a quad at the equator is 1/√(1 + 2 tan²(π/16)) from the centre; the fine one lies up to 0.0006
+    // inside of the sphere itself.
     let expected = 1.0 - 1.0 / (1.0 + 2.0 * (std::f64::consts::PI / 16.0).tan().powi(2)).sqrt();
     let found = result.hausdorff();
     assert!(found < expected && found > expected - 0.0006, "{found} {expected}");
