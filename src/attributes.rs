@@ -8,7 +8,6 @@
 //! Limits: morph displacements of normals and the like count nothing in the cost.
 
 use crate::mesh::Semantic;
-use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::mesh::wedges::Wedges;
@@ -19,30 +18,39 @@ use smallvec::SmallVec;
 /// Rows of attribute values in work; inline for the usual normal + tangent + UV.
 type Row = SmallVec<[f32; 16]>;
 
-/// How much a squared difference in each number of a row counts, in squared lengths of the unit frame.
+/// How much a squared difference in the numbers of a row counts, in squared lengths of the unit frame.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Metric {
-    /// (index in the row, weight²) of the numbers that count.
-    terms: Vec<(usize, f32)>,
+    /// The numbers that count.
+    terms: Vec<Term>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Term {
+    /// Index in the row.
+    index: usize,
+    /// Weight², in lengths² or, where `by_edge`, in squares of the collapsing edge.
+    weight: f32,
+    by_edge: bool,
 }
 
 impl Metric {
-    /// Weights that make one preset serve all sizes: directions and colours by the mean edge length, UVs by their density.
-    pub fn new(surface: &Surface, edges: &[Edge], weights: &AttributeWeights) -> Self {
-        let length = |e: &Edge| surface.points[e.a as usize].distance(surface.points[e.b as usize]);
-        let mean_length = edges.iter().map(length).sum::<f64>() / edges.len().max(1) as f64;
+    /// Weights that make one preset serve all sizes: directions and colours by the length of the edge at hand, UVs by their density.
+    pub fn new(surface: &Surface, weights: &AttributeWeights) -> Self {
         let mut terms = Vec::new();
         for column in surface.wedges.columns() {
-            let weight = match column.semantic {
-                Semantic::Normal => f64::from(weights.normal) * mean_length * NORMAL_SCALE,
-                Semantic::Color(_) => f64::from(weights.color) * mean_length * COLOR_SCALE,
-                Semantic::TexCoord(_) => {
-                    f64::from(weights.tex_coord) * length_per_uv(surface, column.offset) * TEX_COORD_SCALE
+            let (weight, by_edge) = match column.semantic {
+                Semantic::Normal => (f64::from(weights.normal) * NORMAL_SCALE, true),
+                Semantic::Color(_) => (f64::from(weights.color) * COLOR_SCALE, true),
+                Semantic::TexCoord(_) if weights.tex_coord > 0.0 => {
+                    let length = length_per_uv(surface, column.offset);
+                    (f64::from(weights.tex_coord) * TEX_COORD_SCALE * length, false)
                 }
-                _ => 0.0,
+                _ => continue,
             };
             if weight > 0.0 {
-                terms.extend((column.offset..column.offset + column.width).map(|i| (i, (weight * weight) as f32)));
+                let columns = column.offset..column.offset + column.width;
+                terms.extend(columns.map(|index| Term { index, weight: (weight * weight) as f32, by_edge }));
             }
         }
         Self { terms }
@@ -55,6 +63,8 @@ impl Metric {
 
     /// Σ area · weight² · (difference)² over the faces at both ends, for the best values at `position`.
     pub fn deviation(&self, surface: &Surface, merge: &Merge, position: DVec3) -> f64 {
+        let [a, b] = [merge.kept, merge.gone].map(|p| surface.points[p as usize]);
+        let edge = a.distance_squared(b) as f32;
         let mut classes: SmallVec<[Spread; 4]> = SmallVec::new();
         let mut squares = 0.0;
         for corner in merge.corners(surface) {
@@ -63,22 +73,28 @@ impl Metric {
             let value = |i: usize| rows[0][i] * lambda[0] + rows[1][i] * lambda[1] + rows[2][i] * lambda[2];
             let wedge = merge.target(surface.wedge_at(corner));
             let Some(class) = classes.iter_mut().find(|c| c.wedge == wedge) else {
-                let first = self.terms.iter().map(|t| value(t.0)).collect();
+                let first = self.terms.iter().map(|t| value(t.index)).collect();
                 classes.push(Spread { wedge, area, first, sum: SmallVec::from_elem(0.0, self.terms.len()) });
                 continue;
             };
             class.area += area;
-            for (k, &(i, weight)) in self.terms.iter().enumerate() {
-                let difference = value(i) - class.first[k];
+            for (k, term) in self.terms.iter().enumerate() {
+                let difference = value(term.index) - class.first[k];
                 class.sum[k] += area * difference;
-                squares += f64::from(area * weight * difference * difference);
+                squares += f64::from(area * term.weight_for(edge) * difference * difference);
             }
         }
         let explained = classes.iter().flat_map(|class| {
-            let square = move |(t, sum): (&(usize, f32), &f32)| f64::from(t.1 * sum * sum / class.area);
+            let square = move |(t, sum): (&Term, &f32)| f64::from(t.weight_for(edge) * sum * sum / class.area);
             self.terms.iter().zip(&class.sum).map(square)
         });
         (squares - explained.sum::<f64>()).max(0.0)
+    }
+}
+
+impl Term {
+    fn weight_for(&self, edge_squared: f32) -> f32 {
+        if self.by_edge { self.weight * edge_squared } else { self.weight }
     }
 }
 
@@ -235,7 +251,11 @@ impl Class {
                     Semantic::Id => wedges.row(if t < 0.5 { a } else { b })[i],
                     // The handedness of a tangent is a sign.
                     Semantic::Tangent if i == column.offset + 3 => wedges.row(if t < 0.5 { a } else { b })[i],
-                    _ if self.area > 0.0 => (self.row[i] / self.area).clamp(self.low[i], self.high[i]),
+                    _ if self.area > 0.0 => {
+                        let (low, high) = (self.low[i], self.high[i]);
+                        let beyond = (high - low) * reach(column.semantic);
+                        (self.row[i] / self.area).clamp(low - beyond, high + beyond)
+                    }
                     _ => mix(i, a, b),
                 };
             }
@@ -246,6 +266,15 @@ impl Class {
             _ => (start, end),
         };
         wedges.mix_influences(start, end, t, &mut self.influences);
+    }
+}
+
+/// How far a solved value may leave the range around it, in units of that range. UVs are coordinates and go on linearly beside a seam, where the
+/// point moves out of the faces on one side; what is seen as such does not.
+fn reach(semantic: Semantic) -> f32 {
+    match semantic {
+        Semantic::TexCoord(_) => 1.0,
+        _ => 0.0,
     }
 }
 

@@ -108,7 +108,7 @@ fn classify(surface: &Surface, sides: &[Side]) -> EdgeKind {
         (surface.wedge_at(side.0), if side.1 { next } else { previous })
     };
     let (w1, w2) = (wedges(first), wedges(second));
-    if w1 != w2 {
+    if surface.wedges.differ(w1.0, w2.0) || surface.wedges.differ(w1.1, w2.1) {
         kind = kind.with(EdgeKind::SEAM);
         if surface.wedges.group(w1.0) != surface.wedges.group(w2.0) {
             kind = kind.with(EdgeKind::MATERIAL);

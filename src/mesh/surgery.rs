@@ -34,9 +34,12 @@ impl Merge {
     }
 
     /// Whether every wedge has one partner at most: otherwise a seam ends in this edge and would be torn into the surface.
-    pub fn keeps_seams(&self) -> bool {
-        let pairs = &self.pairs;
-        (1..pairs.len()).all(|i| pairs[..i].iter().all(|p| p.0 != pairs[i].0 && p.1 != pairs[i].1))
+    pub fn keeps_seams(&self, surface: &Surface) -> bool {
+        let (pairs, wedges) = (&self.pairs, &surface.wedges);
+        let torn = |p: &(u32, u32), q: &(u32, u32)| {
+            (p.0 == q.0 && wedges.differ(p.1, q.1)) || (p.1 == q.1 && wedges.differ(p.0, q.0))
+        };
+        (1..pairs.len()).all(|i| pairs[..i].iter().all(|p| !torn(p, &pairs[i])))
     }
 
     /// The wedge at `kept` that `wedge` (at `gone`) becomes; itself if no face joins it to one.

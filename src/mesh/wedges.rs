@@ -74,6 +74,27 @@ impl Wedges {
         &mut self.values[wedge as usize * self.stride..][..self.stride]
     }
 
+    /// Whether a viewer could tell two wedges at one point apart. Exporters split vertices by noise in normals or morph displacements; that is no
+    /// seam.
+    pub fn differ(&self, a: u32, b: u32) -> bool {
+        if a == b {
+            return false;
+        }
+        let (row_a, row_b) = (self.row(a), self.row(b));
+        let differs = |column: &Column| {
+            let tolerance = match column.semantic {
+                Semantic::Normal => 0.02,
+                Semantic::Tangent => 0.1,
+                Semantic::TexCoord(_) => 1e-4,
+                Semantic::Color(_) => 1.0 / 255.0,
+                Semantic::Id => 0.0,
+                Semantic::MorphPosition(_) | Semantic::MorphOther(_) | Semantic::Generic => return false,
+            };
+            (column.offset..column.offset + column.width).any(|i| (row_a[i] - row_b[i]).abs() > tolerance)
+        };
+        self.group(a) != self.group(b) || self.columns.iter().any(differs)
+    }
+
     /// A copy of `wedge` under a new id.
     pub fn duplicate(&mut self, wedge: u32) -> u32 {
         let (w, stride) = (wedge as usize, self.stride);

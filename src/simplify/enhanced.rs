@@ -154,7 +154,7 @@ impl Cost for Enhanced {
                 self.points[edge.b as usize].quadric.add(&plane);
             }
         }
-        self.metric = Metric::new(surface, edges, &self.options.attribute_weights);
+        self.metric = Metric::new(surface, &self.options.attribute_weights);
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {

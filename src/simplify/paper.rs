@@ -101,8 +101,8 @@ impl Paper {
 }
 
 impl Cost for Paper {
-    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
-        self.metric = Metric::new(surface, edges, &self.options.attribute_weights);
+    fn refresh(&mut self, surface: &Surface, _edges: &[Edge]) {
+        self.metric = Metric::new(surface, &self.options.attribute_weights);
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {

@@ -92,7 +92,7 @@ impl Reducer {
         check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
         if !terms.paid {
             check_topology(&self.surface, merge)?;
-            if !self.constraints.seams_are_free() && !merge.keeps_seams() {
+            if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
                 return Err(Cause::Seam);
             }
         }
