@@ -105,7 +105,7 @@ pub fn simplify_by(mesh: &Mesh, triangles: usize, ruler: &Ruler) -> Result<Basel
     let best_miss = found.iter().map(|b| miss(b, triangles)).min().unwrap_or(0);
     found.retain(|b| if best_miss == 0 { b.reached } else { miss(b, triangles) == best_miss });
     if found.len() > 1 {
-        let rms: Vec<f64> = found.iter().map(|b| ruler.measure(&b.mesh).rms()).collect();
+        let rms: Vec<f64> = found.iter().map(|b| ruler.rough_rms(&b.mesh)).collect();
         let best = (0..found.len()).min_by(|&a, &b| rms[a].total_cmp(&rms[b])).unwrap_or(0);
         found.swap(0, best);
     }

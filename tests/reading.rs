@@ -82,6 +82,72 @@ fn positions() -> Value {
     json!({"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"})
 }
 
+/// The JSON of a GLB made by [`pack`].
+fn unpack(glb: &[u8]) -> (Value, Vec<u8>) {
+    let end = 20 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    (serde_json::from_slice(&glb[20..end]).unwrap(), glb[end + 8..].to_vec())
+}
+
+/// JSON pointers to every value below `value`.
+fn list_pointers(value: &Value, place: &str, out: &mut Vec<String>) {
+    out.push(place.to_owned());
+    match value {
+        Value::Object(members) => members.iter().for_each(|(k, v)| list_pointers(v, &format!("{place}/{k}"), out)),
+        Value::Array(list) => {
+            (0..).zip(list).for_each(|(i, v): (u32, _)| list_pointers(v, &format!("{place}/{i}"), out))
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn any_value_may_stand_anywhere() {
+    let (document, bin) = unpack(&good(&positions()));
+    let mut pointers = Vec::new();
+    list_pointers(&document, "", &mut pointers);
+    let strange = json!([
+        null,
+        true,
+        "",
+        "x",
+        [],
+        [0, 0],
+        {},
+        0,
+        1,
+        2,
+        3,
+        5,
+        255,
+        5121,
+        5126,
+        -1,
+        0.5,
+        1e300,
+        4294967295_u64,
+        9223372036854775807_u64,
+        18446744073709551615_u64
+    ]);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("m.glb");
+    let (mut read_well, mut refused) = (0, 0);
+    for pointer in &pointers {
+        for value in strange.as_array().unwrap() {
+            let mut document = document.clone();
+            *document.pointer_mut(pointer).unwrap() = value.clone();
+            std::fs::write(&path, pack(&document, &bin)).unwrap();
+            match read(&path, directory.path(), &LIMITS) {
+                Ok(_) => read_well += 1,
+                Err(error) => {
+                    assert!(error.kind != Kind::Internal && error.place.is_some(), "{pointer} = {value}: {error}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    assert!(refused > read_well && read_well > 0, "{refused} refused, {read_well} read");
+}
+
 /// Two triangles with the given position accessor; joints, weights, a sparse morph target, a strip, a skin, levels.
 fn good(positions: &Value) -> Vec<u8> {
     let mut bin = Vec::new();

@@ -2,11 +2,13 @@
 
 mod support;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::LazyLock;
 use support::difference::forbidden_differences;
-use support::lod_rules::{level_ids, new_roots, violations};
+use support::lod_rules::{level_ids, mesh_of, new_roots, violations};
 use support::reader::Gltf;
+use support::surface::open_edges;
 use support::{Build, assets_below, build, build_shared, directory_from, files_below, fixtures, items, report_of, run};
 
 /// Fixtures whose meshes must not get levels: too small, or with levels already.
@@ -120,8 +122,22 @@ fn corpus_keeps_all_it_had_and_gains_valid_levels() {
                 assert!(!output.exists());
                 continue;
             }
-            expect_sound(&relative, &Gltf::open(&part.join(&relative)), &Gltf::open(&output));
+            let (source, output) = (Gltf::open(&part.join(&relative)), Gltf::open(&output));
+            expect_sound(&relative, &source, &output);
+            expect_no_new_open_edges(&relative, &source, &output);
         }
+    }
+}
+
+/// Closed surfaces stay closed, and borders have no more edges than before.
+fn expect_no_new_open_edges(relative: &Path, source: &Gltf, output: &Gltf) {
+    let count = |mesh: usize| open_edges(&output.mesh_triangles(mesh));
+    let pairs = new_roots(source, output).into_iter().flat_map(|root| {
+        level_ids(output, root).into_iter().map(move |id| (mesh_of(output, root), mesh_of(output, id)))
+    });
+    for (finest, level) in pairs.collect::<BTreeSet<_>>() {
+        let (before, after) = (count(finest), count(level));
+        assert!(after <= before, "{} meshes {finest} and {level}: {after} open edges of {before}", relative.display());
     }
 }
 

@@ -36,7 +36,10 @@ impl Progress {
 
     /// Takes the bars away, so that what follows is printed below what is left.
     pub fn finish(&self) {
-        if let Display::Bars { all, .. } = &self.display {
+        if let Display::Bars { all, files, mesh } = &self.display {
+            // A spinner that goes on turning would draw itself again.
+            files.finish_and_clear();
+            mesh.finish_and_clear();
             _ = all.clear();
         }
     }

@@ -42,6 +42,12 @@ pub fn measure_distance(from: &Surface, to: &Bvh, diagonal: f64) -> (Distance, V
     (Distance { max: if max > floor { max } else { of_samples }, rms, mean }, hits)
 }
 
+/// Mean squared distance of samples to a surface.
+pub fn mean_square(samples: &[Sample], to: &Bvh) -> f64 {
+    let hits = find_closest(samples, to);
+    hits.iter().map(|hit| hit.distance_squared).sum::<f64>() / hits.len().max(1) as f64
+}
+
 fn find_closest(samples: &[Sample], to: &Bvh) -> Vec<Hit> {
     let follow = |chunk: &[Sample]| {
         let mut last = None;

@@ -18,7 +18,7 @@ mod topology;
 use crate::bvh::Bvh;
 use crate::mesh::Mesh;
 use appearance::Appearance;
-use distance::measure_distance;
+use distance::{mean_square, measure_distance};
 use surface::Surface;
 
 /// A source mesh made ready for measuring many levels against it.
@@ -165,6 +165,24 @@ impl Ruler {
             (false, false) => self.compare(level, &surface, &mut result),
         }
         result
+    }
+
+    /// Two-sided RMS distance over a tenth of the samples: enough to choose among candidates, not to report. Infinite
+    /// where one of the meshes is empty.
+    ///
+    /// # Panics
+    /// When an index is out of range. Positions must be finite.
+    pub fn rough_rms(&self, level: &Mesh) -> f64 {
+        const SHARE: usize = 10;
+        let sampling = Sampling { samples: self.sampling.samples / SHARE, ..self.sampling };
+        let surface = Surface::new(level, sampling);
+        if self.source.triangles.is_empty() || surface.triangles.is_empty() {
+            return f64::INFINITY;
+        }
+        let thinned: Vec<_> = self.source.samples.iter().step_by(SHARE).copied().collect();
+        let (to_level, to_source) =
+            (mean_square(&thinned, &surface.bvh), mean_square(&surface.samples, &self.source.bvh));
+        ((to_level + to_source) / 2.0).sqrt()
     }
 
     /// Length of the diagonal of the source's bounding box, over the vertices that triangles use; 0 for an empty

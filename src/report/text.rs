@@ -1,6 +1,6 @@
 //! The report for people: a table for each file, one line for the run.
 
-use super::model::{FileReport, LevelReport, MeshReport, Ratio, RefusalCounts, Report, Status};
+use super::model::{BrokenGate, FileReport, LevelReport, MeshReport, Ratio, RefusalCounts, Report, Status};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -164,8 +164,9 @@ fn describe_remarks(file: &FileReport, detail: Detail) -> String {
     for (why, meshes) in group_skipped(&file.meshes) {
         remark(format!("{} without levels: {why}", count(meshes, "mesh", "meshes")));
     }
-    for gate in &file.gates {
-        remark(format!("gate {}: {}", if gate.fails { "FAILED" } else { "warns" }, gate.message));
+    match detail {
+        Detail::Files => describe_worst_gates(&file.gates).into_iter().for_each(&mut remark),
+        Detail::Meshes => file.gates.iter().map(describe_gate).for_each(&mut remark),
     }
     if detail == Detail::Meshes {
         file.notes.iter().for_each(|note| remark(format!("note: {note}")));
@@ -178,6 +179,22 @@ fn describe_remarks(file: &FileReport, detail: Detail) -> String {
         }
     }
     text
+}
+
+/// One line for each gate: the level that breaks it most.
+fn describe_worst_gates(gates: &[BrokenGate]) -> Vec<String> {
+    let mut by_key: BTreeMap<(bool, &str), Vec<&BrokenGate>> = BTreeMap::new();
+    gates.iter().for_each(|gate| by_key.entry((!gate.fails, gate.key)).or_default().push(gate));
+    let describe = |gates: Vec<&BrokenGate>| {
+        let worst = gates.iter().max_by(|a, b| a.found.total_cmp(&b.found))?;
+        let more = if gates.len() > 1 { format!(" (and {} more)", gates.len() - 1) } else { String::new() };
+        Some(describe_gate(worst) + &more)
+    };
+    by_key.into_values().filter_map(describe).collect()
+}
+
+fn describe_gate(gate: &BrokenGate) -> String {
+    format!("gate {}: {}", if gate.fails { "FAILED" } else { "warns" }, gate.message)
 }
 
 fn group_skipped(meshes: &[MeshReport]) -> BTreeMap<&str, usize> {
@@ -294,4 +311,30 @@ pub(super) fn add_row(table: &mut Table, cells: &[String]) {
 
 pub(super) fn indent(table: &Table) -> String {
     table.lines().map(|line| format!("  {}\n", line.trim_end())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_show_three_digits() {
+        let shown = [0.0, 0.00123456, 0.5, 12.3456, 123.456, 12345.6, 0.0000123456, 2.5e9].map(significant);
+        assert_eq!(shown, ["0", "0.00123", "0.500", "12.3", "123", "12346", "1.23e-5", "2.50e9"]);
+    }
+
+    #[test]
+    fn the_worst_level_speaks_for_its_gate() {
+        let gate = |key, found, fails| BrokenGate {
+            mesh: 0,
+            level: 1,
+            key,
+            limit: 1.0,
+            found,
+            fails,
+            message: format!("{key} {found}"),
+        };
+        let gates = [gate("rms", 2.0, false), gate("gaps", 3.0, true), gate("rms", 4.0, false)];
+        assert_eq!(describe_worst_gates(&gates), ["gate FAILED: gaps 3", "gate warns: rms 4 (and 1 more)"]);
+    }
 }

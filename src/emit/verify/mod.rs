@@ -1,7 +1,7 @@
 //! Checks a written asset against its source, without trusting the code that wrote it.
 //!
-//! Two questions: is everything that is not ours still there, value for value and byte for byte ([`unchanged`]); and do
-//! the levels keep the rules that loaders rely on ([`levels`])?
+//! Two questions: is everything that is not ours still there, value for value and byte for byte (`unchanged`); and do
+//! the levels keep the rules that loaders rely on (`levels`)?
 
 mod levels;
 mod unchanged;
