@@ -6,8 +6,8 @@ use crate::bvh::Bvh;
 use crate::mesh::Mesh;
 use glam::DVec3;
 
-/// Most points on each open edge.
-const BORDER_POINTS: usize = 16;
+/// Fewest and most points on each open edge.
+const BORDER_POINTS: [usize; 2] = [4, 16];
 
 #[derive(Debug)]
 pub struct Surface {
@@ -52,8 +52,8 @@ fn orient(&[a, b, c]: &[DVec3; 3]) -> (DVec3, f64) {
     (if length > 0.0 { normal / length } else { DVec3::ZERO }, length / 2.0)
 }
 
-/// About `budget` points in all, at least one an edge.
+/// About `budget` points in all.
 fn spread_on_edges(edges: impl ExactSizeIterator<Item = [DVec3; 2]>, budget: usize) -> Vec<DVec3> {
-    let count = (budget / edges.len().max(1)).clamp(1, BORDER_POINTS);
+    let count = (budget / edges.len().max(1)).clamp(BORDER_POINTS[0], BORDER_POINTS[1]);
     edges.flat_map(|[a, b]| (0..count).map(move |i| a.lerp(b, (i as f64 + 0.5) / count as f64))).collect()
 }
