@@ -66,7 +66,7 @@ fn split_pieces(surface: &Surface) -> Vec<Piece> {
         .into_iter()
         .map(|(faces, area, low, high)| {
             let square = low.distance_squared(high);
-            Piece { faces, cost: area.max(SEEN_SHARE * square) * square / 12.0 }
+            Piece { faces, cost: area.max(SEEN_SHARE * square) * square / 3.0 }
         })
         .collect()
 }
