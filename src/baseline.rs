@@ -18,7 +18,7 @@ pub struct Baseline {
     /// The simplified mesh.
     pub mesh: Mesh,
     /// The settings that gave it, e.g. `attributes` or `attributes+permissive+prune`: [`Settings::name`].
-    pub settings: &'static str,
+    pub settings: String,
     /// Whether the triangle target was met (within 1 % + 2 triangles).
     pub reached: bool,
 }
@@ -32,36 +32,31 @@ pub struct Settings {
     pub permissive: bool,
     /// Small disconnected parts may vanish.
     pub prune: bool,
+    /// Open borders stay as they are.
+    pub lock_border: bool,
     /// Vertices move and attributes change for the best fit, instead of a choice among the source's vertices.
     pub update: bool,
 }
 
 impl Settings {
-    /// What the settings are called in reports.
-    pub fn name(self) -> &'static str {
-        match (self.attributes, self.permissive, self.prune, self.update) {
-            (false, false, false, false) => "plain",
-            (false, false, false, true) => "update",
-            (false, false, true, false) => "prune",
-            (false, false, true, true) => "prune+update",
-            (false, true, false, false) => "permissive",
-            (false, true, false, true) => "permissive+update",
-            (false, true, true, false) => "permissive+prune",
-            (false, true, true, true) => "permissive+prune+update",
-            (true, false, false, false) => "attributes",
-            (true, false, false, true) => "attributes+update",
-            (true, false, true, false) => "attributes+prune",
-            (true, false, true, true) => "attributes+prune+update",
-            (true, true, false, false) => "attributes+permissive",
-            (true, true, false, true) => "attributes+permissive+update",
-            (true, true, true, false) => "attributes+permissive+prune",
-            (true, true, true, true) => "attributes+permissive+prune+update",
-        }
+    /// What the settings are called in reports: what is on, joined by `+`; `plain` if nothing is.
+    pub fn name(self) -> String {
+        let parts = [
+            (self.attributes, "attributes"),
+            (self.permissive, "permissive"),
+            (self.prune, "prune"),
+            (self.lock_border, "lock-border"),
+            (self.update, "update"),
+        ];
+        let on: Vec<&str> = parts.into_iter().filter_map(|(on, name)| on.then_some(name)).collect();
+        if on.is_empty() { "plain".to_owned() } else { on.join("+") }
     }
 
     fn flags(self) -> Flags {
         let flag = |on: bool, flag: Flags| if on { flag } else { Flags::None };
-        flag(self.permissive, Flags::Permissive) | flag(self.prune, Flags::Prune)
+        flag(self.permissive, Flags::Permissive)
+            | flag(self.prune, Flags::Prune)
+            | flag(self.lock_border, Flags::LockBorder)
     }
 }
 
@@ -73,10 +68,10 @@ impl Settings {
 /// finite.
 pub fn simplify(mesh: &Mesh, triangles: usize) -> Result<Baseline> {
     check_mesh(mesh)?;
-    simplify_by(mesh, triangles, &Ruler::new(mesh, Sampling::for_triangles(triangles)))
+    simplify_by(mesh, triangles, &Ruler::new(mesh, Sampling::for_triangles(triangles)), false)
 }
 
-/// [`simplify`] with a ruler at hand, made for `mesh`.
+/// [`simplify`] with a ruler at hand, made for `mesh`; with `lock_border` under the rule that open borders stay.
 ///
 /// Attributes are always on. Runs with and without `permissive`, with and without `update`; if none of the four meets
 /// the target, `permissive+prune` as well, with and without `update`. Among those that meet it, the one with the
@@ -84,9 +79,9 @@ pub fn simplify(mesh: &Mesh, triangles: usize) -> Result<Baseline> {
 ///
 /// # Errors
 /// As [`simplify`].
-pub fn simplify_by(mesh: &Mesh, triangles: usize, ruler: &Ruler) -> Result<Baseline> {
+pub fn simplify_by(mesh: &Mesh, triangles: usize, ruler: &Ruler, lock_border: bool) -> Result<Baseline> {
     let prepared = Prepared::new(mesh)?;
-    let base = Settings { attributes: !prepared.weights.is_empty(), ..Settings::default() };
+    let base = Settings { attributes: !prepared.weights.is_empty(), lock_border, ..Settings::default() };
     let permissive = Settings { permissive: true, ..base };
     let mut found = Vec::new();
     for stage in [&[base, permissive][..], &[Settings { prune: true, ..permissive }]] {
@@ -476,7 +471,7 @@ mod tests {
     fn the_best_is_not_worse_than_any_that_was_tried() {
         let mesh = sphere(16, false);
         let ruler = Ruler::new(&mesh, SAMPLING);
-        let best = ruler.measure(&simplify_by(&mesh, 120, &ruler).unwrap().mesh).rms();
+        let best = ruler.measure(&simplify_by(&mesh, 120, &ruler, false).unwrap().mesh).rms();
         for (permissive, update) in [(false, false), (false, true), (true, false), (true, true)] {
             let settings = Settings { attributes: true, permissive, update, ..Settings::default() };
             let other = simplify_with(&mesh, 120, settings).unwrap();

@@ -83,7 +83,7 @@ impl fmt::Display for Error {
         if let Some(file) = &self.file {
             write!(f, "{}: ", file.display())?;
         }
-        if let Some(place) = &self.place {
+        if let Some(place) = self.place.as_ref().filter(|p| !p.is_empty()) {
             write!(f, "{place}: ")?;
         }
         write!(f, "{}", self.message)?;

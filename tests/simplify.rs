@@ -140,8 +140,7 @@ fn a_closed_surface_stays_closed_and_reaches_its_targets() {
     let source = sphere(24, 0.1);
     for schedule in [Schedule::Passes, Schedule::Queue] {
         for algorithm in [Algorithm::Esqem(Mode::Enhanced), Algorithm::Esqem(Mode::Paper), Algorithm::Qem] {
-            let curvature_weight = if algorithm == Algorithm::Esqem(Mode::Paper) { 0.01 } else { 1.0 };
-            let options = Options { schedule, algorithm, curvature_weight, ..options(&[0.5, 0.25, 0.1, 0.02]) };
+            let options = Options { schedule, algorithm, ..options(&[0.5, 0.25, 0.1, 0.02]) };
             let chain = simplify(&source, &options).expect("valid");
             for (level, ratio) in chain.levels.iter().zip([0.5, 0.25, 0.1, 0.02]) {
                 let wanted = (source.triangles.len() as f64 * ratio).round() as usize;

@@ -17,6 +17,8 @@ pub(crate) struct Wedges {
     columns: Vec<Column>,
     stride: usize,
     values: Vec<f32>,
+    /// Least and greatest source value of each number of a row: a texture atlas ends there.
+    range: Vec<(f32, f32)>,
     groups: Vec<u32>,
     skin: Option<Skin>,
 }
@@ -46,7 +48,13 @@ impl Wedges {
         }
         let groups = vertices.iter().map(|&v| group_of[v as usize]).collect();
         let skin = mesh.skin.as_ref().map(|s| pick_skin(s, vertices));
-        Self { columns, stride, values, groups, skin }
+        let mut range = vec![(f32::INFINITY, f32::NEG_INFINITY); stride];
+        for row in values.chunks_exact(stride.max(1)) {
+            for (bounds, &value) in range.iter_mut().zip(row) {
+                *bounds = (bounds.0.min(value), bounds.1.max(value));
+            }
+        }
+        Self { columns, stride, values, range, groups, skin }
     }
 
     pub fn len(&self) -> usize {
@@ -60,6 +68,12 @@ impl Wedges {
     /// Numbers a row.
     pub fn stride(&self) -> usize {
         self.stride
+    }
+
+    /// `value` within the source's range of the number `index` of a row.
+    pub fn within_range(&self, index: usize, value: f32) -> f32 {
+        let (low, high) = self.range[index];
+        value.max(low).min(high)
     }
 
     pub fn group(&self, wedge: u32) -> u32 {

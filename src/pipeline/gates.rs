@@ -60,7 +60,7 @@ mod tests {
         };
         let target = TargetReport { ratio: None, triangles: None, error: None };
         let mut level = LevelReport::new(1, target, Stop::Target, Refusals::default(), &measure(2.0));
-        level.baseline = Some(BaselineReport::new("plain", reached, &measure(1.0), &measure(2.0)));
+        level.baseline = Some(BaselineReport::new("plain".to_owned(), reached, &measure(1.0), &measure(2.0)));
         MeshReport { levels: vec![level], ..MeshReport::new(4, Some("Chair".to_owned()), 1, "height") }
     }
 

@@ -12,7 +12,7 @@ use crate::measure::{Measurement, Ruler, Sampling};
 use crate::mesh::Mesh;
 use crate::preset::{AssetPresets, Basis, MeshNames, Settings};
 use crate::report::{BaselineReport, BrokenGate, LevelReport, MeshReport};
-use crate::simplify::{self, Level, Target};
+use crate::simplify::{self, EdgePolicy, Level};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -155,7 +155,7 @@ fn build_levels(mut report: MeshReport, geometry: Geometry, settings: &Settings)
         return Ok(BuiltMesh::skipped(report, why));
     }
     kept.par_iter_mut().for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
-    report.levels = measure_levels(&geometry.mesh, &ruler, &kept, &options.levels);
+    report.levels = measure_levels(&geometry.mesh, &ruler, &kept, &options);
     switch_levels(&mut report, &kept, settings)?;
     let gates = check_gates(&report, &settings.gates);
     let extras = describe_for_extras(&report, settings);
@@ -172,20 +172,26 @@ fn choose_sampling(samples: usize, triangles: usize) -> Sampling {
 }
 
 /// Every level and its baseline, measured by the same ruler.
-fn measure_levels(source: &Mesh, ruler: &Ruler, levels: &[(usize, Level)], targets: &[Target]) -> Vec<LevelReport> {
+fn measure_levels(
+    source: &Mesh,
+    ruler: &Ruler,
+    levels: &[(usize, Level)],
+    options: &simplify::Options,
+) -> Vec<LevelReport> {
+    let lock_border = options.border == EdgePolicy::Lock;
     let measure = |(position, (requested, level)): (usize, &(usize, Level))| {
         let ours = ruler.measure(&level.mesh);
-        let target = report_target(&targets[*requested]);
+        let target = report_target(&options.levels[*requested]);
         let mut report = LevelReport::new(position + 1, target, level.stop, level.refusals, &ours);
-        report.baseline = measure_baseline(source, ruler, &ours);
+        report.baseline = measure_baseline(source, ruler, &ours, lock_border);
         report
     };
     levels.par_iter().enumerate().map(measure).collect()
 }
 
 /// The source has been simplified already, so that the baseline has nothing to object to; if it has, there is nothing to compare with.
-fn measure_baseline(source: &Mesh, ruler: &Ruler, ours: &Measurement) -> Option<BaselineReport> {
-    let baseline = baseline::simplify_by(source, ours.triangles, ruler).ok()?;
+fn measure_baseline(source: &Mesh, ruler: &Ruler, ours: &Measurement, lock_border: bool) -> Option<BaselineReport> {
+    let baseline = baseline::simplify_by(source, ours.triangles, ruler, lock_border).ok()?;
     let theirs = ruler.measure(&baseline.mesh);
     Some(BaselineReport::new(baseline.settings, baseline.reached, &theirs, ours))
 }

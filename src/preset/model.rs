@@ -48,8 +48,8 @@ macro_rules! each_key {
         /// The order of collapses.
         schedule: Schedule,
 
-        /// How much Gaussian curvature counts, from 0 to 1000; 0 switches it off. `1` is balanced in the enhanced mode,
-        /// `0.01` is the value in the paper. Higher values keep horns, claws and rims longer and flat parts shorter.
+        /// How much Gaussian curvature counts, from 0 to 1000; 0 switches it off, 1 is usual (in paper mode the paper's
+        /// a = 0.01). Higher values keep horns, claws and rims longer and flat parts shorter.
         curvature_weight: Weight,
 
         /// After the collapses, edges longer than this many mean edge lengths are split (1 to 100; the paper has 4/3).

@@ -270,7 +270,7 @@ pub struct ErrorFigures {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BaselineReport {
     /// The settings that gave it.
-    pub settings: &'static str,
+    pub settings: String,
     /// Its triangles.
     pub triangles: usize,
     /// Whether it met the count; if not, the ratio compares unequal counts.
@@ -512,7 +512,7 @@ impl LevelReport {
 
 impl BaselineReport {
     /// The baseline as measured, compared with our level.
-    pub fn new(settings: &'static str, reached: bool, theirs: &Measurement, ours: &Measurement) -> Self {
+    pub fn new(settings: String, reached: bool, theirs: &Measurement, ours: &Measurement) -> Self {
         Self {
             settings,
             triangles: theirs.triangles,

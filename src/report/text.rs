@@ -128,7 +128,7 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
         let Some(theirs) = &level.baseline else { continue };
         let pair = |ours: f64, theirs: f64| format!("{} / {}", significant(ours), significant(theirs));
         let star = if theirs.reached { "" } else { "*" };
-        settings.entry(theirs.settings).or_default().push(level.level.to_string());
+        settings.entry(theirs.settings.as_str()).or_default().push(level.level.to_string());
         add_row(
             &mut table,
             &[

@@ -11,7 +11,7 @@ pub struct Options {
     pub algorithm: Algorithm,
     /// `Passes` is faster, `Queue` keeps the strict order of costs.
     pub schedule: Schedule,
-    /// ESQEM's `a`: how much Gaussian curvature counts (0 turns it off). Paper: 0.01. See [`Mode`] for the meaning in each mode.
+    /// How much Gaussian curvature counts, relative to what is usual in the [`Mode`]; 0 turns it off. In paper mode 1 is ESQEM's a = 0.01.
     pub curvature_weight: f32,
     /// ESQEM's `b`: edges longer than `b` times the mean edge length are split after the collapses; `None` splits nothing.
     pub split_factor: Option<f32>,

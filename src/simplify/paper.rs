@@ -12,6 +12,9 @@ use crate::mesh::surgery::Merge;
 use crate::simplify::guard::is_on_border;
 use glam::DVec3;
 
+/// ESQEM's a: the curvature term lies two orders of magnitude below the quadric term.
+const CURVATURE_SHARE: f64 = 0.01;
+
 /// Quadrics summed up at merges (ESQEM eq. 1–7), plus `ω·K(e)` (eq. 12, 13).
 pub(crate) struct Paper {
     constraints: Constraints,
@@ -51,7 +54,7 @@ impl Paper {
             curvature_sum += paper.curvature(e.a, e.b);
         }
         if curvature_sum > 0.0 {
-            paper.omega = f64::from(options.curvature_weight) * quadric_sum / curvature_sum;
+            paper.omega = CURVATURE_SHARE * f64::from(options.curvature_weight) * quadric_sum / curvature_sum;
         }
         paper
     }
@@ -101,7 +104,10 @@ impl Paper {
 }
 
 impl Cost for Paper {
-    fn refresh(&mut self, surface: &Surface, _edges: &[Edge]) {
+    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
+        if !self.curvatures.is_empty() {
+            self.curvatures = curvatures(surface, edges);
+        }
         self.metric = Metric::new(surface, &self.options.attribute_weights);
     }
 
@@ -129,4 +135,9 @@ impl Cost for Paper {
             *curvature = Curvature::at(surface, point, is_on_border(surface, point));
         }
     }
+}
+
+fn curvatures(surface: &Surface, edges: &[Edge]) -> Vec<Curvature> {
+    let border = border_points(surface.points.len(), edges);
+    (0..surface.points.len()).map(|p| Curvature::at(surface, p as u32, border[p])).collect()
 }
