@@ -254,7 +254,7 @@ impl Class {
                     _ if self.area > 0.0 => {
                         let (low, high) = (self.low[i], self.high[i]);
                         let beyond = (high - low) * reach(column.semantic);
-                        wedges.within_range(i, (self.row[i] / self.area).clamp(low - beyond, high + beyond))
+                        wedges.within_range(i, (self.row[i] / self.area).max(low - beyond).min(high + beyond))
                     }
                     _ => mix(i, a, b),
                 };

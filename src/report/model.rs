@@ -476,6 +476,7 @@ impl Problem {
 fn name_stop(stop: Stop) -> &'static str {
     match stop {
         Stop::Target => "target",
+        Stop::Floor => "floor",
         Stop::Error => "error",
         Stop::Stuck => "stuck",
     }

@@ -60,11 +60,15 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn next_level(&mut self, target: &Target) -> Level {
         self.reducer.refusals = Refusals::default();
-        let triangles = self.triangle_target(target);
-        let (mesh, stop) = match target.error {
-            Some(error) => self.reduce_within(error, triangles),
-            None => self.reduce_with_splits(triangles),
+        let least = self.options.min_triangles.clamp(1, self.mesh.triangles.len().max(1));
+        let wanted = self.triangle_target(target, least);
+        let (mesh, mut stop) = match target.error {
+            Some(error) => self.reduce_within(error, wanted.max(least)),
+            None => self.reduce_with_splits(wanted.max(least)),
         };
+        if stop == Stop::Target && wanted < least {
+            stop = Stop::Floor;
+        }
         Level { mesh, stop, refusals: self.reducer.refusals }
     }
 
@@ -76,12 +80,11 @@ impl Builder<'_> {
     }
 
     /// The count that the counting rules ask for: the first that binds on the way down is the largest. With an error rule alone, the least allowed.
-    fn triangle_target(&self, target: &Target) -> usize {
+    fn triangle_target(&self, target: &Target, least: usize) -> usize {
         let source = self.mesh.triangles.len();
-        let least = self.options.min_triangles.clamp(1, source.max(1));
         let ratio = target.ratio.map(|r| (source as f64 * r).round() as usize);
         let without_count = if target.error.is_some() { least } else { source };
-        [ratio, target.triangles].into_iter().flatten().max().unwrap_or(without_count).max(least)
+        [ratio, target.triangles].into_iter().flatten().max().unwrap_or(without_count)
     }
 
     /// Goes down in steps for as long as the measured distance stays below `error`. The step too far stays done: the next level is below it.

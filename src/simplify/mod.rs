@@ -43,6 +43,8 @@ pub struct Level {
 pub enum Stop {
     /// The triangle target (± 1) is met.
     Target,
+    /// [`Options::min_triangles`] is met; the target asks for fewer.
+    Floor,
     /// One more step would break the error target.
     Error,
     /// No edge may collapse any more; the refusals say why.
