@@ -7,6 +7,7 @@ use super::Mesh;
 use super::wedges::Wedges;
 use super::weld::weld;
 use glam::DVec3;
+use smallvec::SmallVec;
 
 /// Names corner `k` of face `f` as `f << 2 | k`.
 pub(crate) type Corner = u32;
@@ -188,6 +189,19 @@ impl Surface {
     /// All corners at `point`.
     pub fn ring(&self, point: u32) -> &[Corner] {
         self.rings.of(point)
+    }
+
+    /// The points that share a face with `point`, each once, in the order in which its ring meets them.
+    pub fn neighbours(&self, point: u32) -> SmallVec<[u32; 16]> {
+        let mut found = SmallVec::new();
+        for &corner in self.ring(point) {
+            for other in self.opposite(corner) {
+                if !found.contains(&other) {
+                    found.push(other);
+                }
+            }
+        }
+        found
     }
 
     /// Face of a corner.

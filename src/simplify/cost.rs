@@ -13,6 +13,22 @@ pub(crate) struct Candidate {
     pub position: DVec3,
 }
 
+/// A cost as a key for sorting: costs are never negative, so their bits order as they do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Rank(u64);
+
+impl Rank {
+    /// Of a cost ≥ 0.
+    pub fn of(cost: f64) -> Self {
+        Self(cost.max(0.0).to_bits())
+    }
+
+    /// The cost.
+    pub fn cost(self) -> f64 {
+        f64::from_bits(self.0)
+    }
+}
+
 /// Cost and placement of edge collapses.
 pub(crate) trait Cost: Send + Sync {
     /// Looks at the whole surface before a pass; `edges` are all its edges.

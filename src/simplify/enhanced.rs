@@ -184,17 +184,10 @@ impl Cost for Enhanced {
 
     fn update(&mut self, surface: &Surface, point: u32) {
         let (mut quadric, volume) = Self::of_faces(surface, point);
-        let mut seen: Vec<u32> = Vec::new();
-        for &corner in surface.ring(point) {
-            for other in surface.opposite(corner) {
-                if seen.contains(&other) {
-                    continue;
-                }
-                seen.push(other);
-                let Some(kind) = edge_kind(surface, point, other).filter(|k| !k.is_plain()) else { continue };
-                if let Some(plane) = self.of_edge(surface, &Edge { a: point, b: other, kind }) {
-                    quadric.add(&plane);
-                }
+        for other in surface.neighbours(point) {
+            let Some(kind) = edge_kind(surface, point, other).filter(|k| !k.is_plain()) else { continue };
+            if let Some(plane) = self.of_edge(surface, &Edge { a: point, b: other, kind }) {
+                quadric.add(&plane);
             }
         }
         let state = &mut self.points[point as usize];

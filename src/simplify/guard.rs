@@ -64,18 +64,7 @@ pub(crate) fn check_remains(surface: &Surface, merge: &Merge) -> Result<(), Caus
 
 /// Checks topology: the collapse must not join sheets or close holes (link condition).
 pub(crate) fn check_topology(surface: &Surface, merge: &Merge) -> Result<(), Cause> {
-    let neighbours = |point: u32| {
-        let mut found: SmallVec<[u32; 16]> = SmallVec::new();
-        for &corner in surface.ring(point) {
-            for p in surface.opposite(corner) {
-                if !found.contains(&p) {
-                    found.push(p);
-                }
-            }
-        }
-        found
-    };
-    let (near, far) = (neighbours(merge.kept), neighbours(merge.gone));
+    let (near, far) = (surface.neighbours(merge.kept), surface.neighbours(merge.gone));
     let across: SmallVec<[u32; 4]> =
         merge.faces.iter().flat_map(|&f| surface.face(f)).filter(|&p| p != merge.kept && p != merge.gone).collect();
     if near.iter().any(|p| far.contains(p) && !across.contains(p)) {

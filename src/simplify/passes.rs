@@ -1,10 +1,11 @@
 //! The fast schedule: rank all edges, sort once, collapse greedily where nothing nearby has changed in this pass, repeat.
 
+use super::cost::Rank;
 use super::reducer::{Outcome, Reducer, Terms};
 use super::{Stop, prune};
 use crate::mesh::edges::Edge;
 use rayon::prelude::*;
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::iter::Peekable;
 
@@ -13,7 +14,7 @@ const PASS_SHARE: f64 = 0.5;
 /// Share of all faces that a pass may take at least: small steps do not pay for the ranking of all edges.
 const LEAST_SHARE: f64 = 0.03;
 /// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
-const COST_SLACK: f32 = 1.5;
+const COST_SLACK: f64 = 1.5;
 
 /// Reduces to `target` faces (± 1).
 pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
@@ -36,29 +37,30 @@ fn run_pass(reducer: &mut Reducer, target: usize) {
     let mut pace = Pace::new(excess, reducer.surface.face_count());
     let mut left = excess;
     while let Some(r) = ranking.next() {
-        while let Some(piece) = pieces.next_if(|p| p.cost <= f64::from(r.cost)) {
+        let cost = r.rank.cost();
+        while let Some(piece) = pieces.next_if(|p| p.cost <= cost) {
             let removed = prune::remove(&mut reducer.surface, &piece, left, &mut touched);
             pace.take(removed);
             left -= removed;
         }
-        if left == 0 || pace.is_over(r.cost) {
+        if left == 0 || pace.is_over(cost) {
             break;
         }
         let e = &edges[r.edge as usize];
         if touched[e.a as usize] || touched[e.b as usize] {
-            pace.count(r.cost);
+            pace.count(cost);
             continue;
         }
         let Some(candidate) = reducer.judge(e.a, e.b) else { continue };
         match reducer.collapse((e.a, e.b), candidate, Terms { paid: r.paid, most: left + 1 }) {
             Outcome::Done(removed) => {
-                pace.count(r.cost);
+                pace.count(cost);
                 pace.take(removed);
                 touch(reducer, e.a, &mut touched);
                 touched[e.b as usize] = true;
                 left = left.saturating_sub(removed);
             }
-            Outcome::Fined(cost) => ranking.defer(Ranked { cost: cost as f32, paid: true, ..r }),
+            Outcome::Fined(cost) => ranking.defer(Ranked { rank: Rank::of(cost), paid: true, ..r }),
             Outcome::Refused => {}
         }
     }
@@ -80,32 +82,12 @@ fn touch(reducer: &Reducer, point: u32, touched: &mut [bool]) {
 }
 
 /// A collapse in the order of costs.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Ranked {
-    cost: f32,
+    rank: Rank,
     edge: u32,
     paid: bool,
 }
-
-impl Ord for Ranked {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.cost.total_cmp(&other.cost).then(self.edge.cmp(&other.edge))
-    }
-}
-
-impl PartialOrd for Ranked {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Ranked {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Ranked {}
 
 /// Edges by cost: those sorted at the start, and those that were fined since.
 struct Ranking {
@@ -118,7 +100,7 @@ impl Ranking {
         reducer.count_locked(edges);
         let judge = |(i, e): (usize, &Edge)| {
             let candidate = reducer.judge(e.a, e.b)?;
-            Some(Ranked { cost: candidate.cost as f32, edge: i as u32, paid: false })
+            Some(Ranked { rank: Rank::of(candidate.cost), edge: i as u32, paid: false })
         };
         let mut sorted: Vec<Ranked> = edges.par_iter().enumerate().filter_map(judge).collect();
         sorted.par_sort_unstable();
@@ -145,7 +127,7 @@ impl Ranking {
 struct Pace {
     /// Edges, collapsed or waiting, until the limit is set.
     open: usize,
-    limit: Option<f32>,
+    limit: Option<f64>,
     /// Faces until the pass ends in any case.
     faces: usize,
 }
@@ -161,14 +143,14 @@ impl Pace {
         self.faces = self.faces.saturating_sub(faces);
     }
 
-    fn count(&mut self, cost: f32) {
+    fn count(&mut self, cost: f64) {
         self.open = self.open.saturating_sub(1);
         if self.open == 0 && self.limit.is_none() {
             self.limit = Some(cost * COST_SLACK);
         }
     }
 
-    fn is_over(&self, cost: f32) -> bool {
+    fn is_over(&self, cost: f64) -> bool {
         self.faces == 0 || self.limit.is_some_and(|limit| cost > limit)
     }
 }

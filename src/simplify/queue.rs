@@ -1,40 +1,20 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
+use super::cost::Rank;
 use super::reducer::{Outcome, Reducer, Terms};
 use super::{Stop, prune};
-use smallvec::SmallVec;
-use std::cmp::{Ordering, Reverse};
+use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// A collapse in the queue. Entries are never changed: one whose `version` is old is skipped.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
-    cost: f64,
+    rank: Rank,
     a: u32,
     b: u32,
     version: u32,
     paid: bool,
 }
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.cost.total_cmp(&other.cost).then((self.a, self.b, self.version).cmp(&(other.a, other.b, other.version)))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl Eq for Entry {}
 
 struct Queue {
     heap: BinaryHeap<Reverse<Entry>>,
@@ -58,7 +38,7 @@ impl Queue {
         let (a, b) = (a.min(b), a.max(b));
         if let Some(candidate) = reducer.judge(a, b) {
             let version = self.version(a, b);
-            self.heap.push(Reverse(Entry { cost: candidate.cost, a, b, version, paid: false }));
+            self.heap.push(Reverse(Entry { rank: Rank::of(candidate.cost), a, b, version, paid: false }));
         }
     }
 
@@ -94,7 +74,7 @@ fn drain(reducer: &mut Reducer, target: usize) {
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
-        if let Some(piece) = pieces.next_if(|p| p.cost <= entry.cost) {
+        if let Some(piece) = pieces.next_if(|p| p.cost <= entry.rank.cost()) {
             prune::remove(&mut reducer.surface, &piece, left, &mut touched);
             queue.heap.push(Reverse(entry));
             continue;
@@ -106,7 +86,7 @@ fn drain(reducer: &mut Reducer, target: usize) {
                 touched[entry.a as usize] = true;
                 requeue(&mut queue, reducer, entry.a, entry.b);
             }
-            Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { cost, paid: true, ..entry })),
+            Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry })),
             Outcome::Refused => {}
         }
     }
@@ -114,30 +94,18 @@ fn drain(reducer: &mut Reducer, target: usize) {
 
 /// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.
 fn requeue(queue: &mut Queue, reducer: &mut Reducer, kept: u32, gone: u32) {
-    let around = neighbours(reducer, kept);
+    let around = reducer.surface.neighbours(kept);
     queue.versions[gone as usize] = queue.versions[gone as usize].wrapping_add(1);
     for &p in around.iter().chain(&[kept]) {
         reducer.cost.update(&reducer.surface, p);
         queue.versions[p as usize] = queue.versions[p as usize].wrapping_add(1);
     }
     for &p in around.iter().chain(&[kept]) {
-        for q in neighbours(reducer, p) {
+        for q in reducer.surface.neighbours(p) {
             // Edges between two changed points are met from both ends.
             if p < q || !(q == kept || around.contains(&q)) {
                 queue.push(reducer, p, q);
             }
         }
     }
-}
-
-fn neighbours(reducer: &Reducer, point: u32) -> SmallVec<[u32; 16]> {
-    let mut found = SmallVec::new();
-    for &corner in reducer.surface.ring(point) {
-        for p in reducer.surface.opposite(corner) {
-            if !found.contains(&p) {
-                found.push(p);
-            }
-        }
-    }
-    found
 }
