@@ -38,8 +38,9 @@ const ERROR_STEP: f64 = 0.93;
 ///
 /// let options = Options { levels: vec![Target::ratio(0.25), Target::triangles(8)], ..Options::default() };
 /// let chain = simplify(&mesh, &options)?;
-/// let triangles: Vec<usize> = chain.levels.iter().map(|level| level.mesh.triangles.len()).collect();
-/// assert_eq!(triangles, [128, 8]);
+/// for (level, target) in chain.levels.iter().zip([128, 8]) {
+///     assert!(level.mesh.triangles.len().abs_diff(target) <= 1);
+/// }
 /// # Ok::<(), gltf_lod::Error>(())
 /// ```
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {

@@ -114,7 +114,7 @@ fn presets_build_on_each_other() {
     assert_eq!((tablet.screen_height, tablet.cull_coverage), (1600.0, 0.005), "foliage comes after mobile");
     assert_eq!(tablet.min_saving, 0.75, "from mobile");
     assert_eq!(ratios(&tablet), [0.5], "keys beside `extends` win");
-    assert_eq!(tablet.simplify.border, simplify::EdgePolicy::Free);
+    assert_eq!(tablet.simplify.split_factor, None, "from foliage");
     let flag = read(&files, "a/x.glb").settings(&mesh("flag")).unwrap();
     assert_eq!(flag.simplify.border, simplify::EdgePolicy::Lock);
     let hero = settings(&files, "a/hero.glb");
