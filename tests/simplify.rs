@@ -233,6 +233,23 @@ fn small_shells_go_and_the_last_one_stays() {
 }
 
 #[test]
+fn pieces_of_one_size_all_stay() {
+    let (ball, mut mesh) = (sphere(8, 0.0), Mesh::default());
+    for i in 0..10u32 {
+        let base = mesh.positions.len() as u32;
+        mesh.positions.extend(ball.positions.iter().map(|p| [p[0] + 4.0 * i as f32, p[1], p[2]]));
+        mesh.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + base)));
+    }
+    for algorithm in [Algorithm::Esqem(Mode::Enhanced), Algorithm::Esqem(Mode::Paper), Algorithm::Qem] {
+        let chain = simplify(&mesh, &Options { algorithm, ..options(&[0.5, 0.2]) }).expect("valid");
+        for level in &chain.levels {
+            let pieces: BTreeSet<i32> = level.mesh.positions.iter().map(|p| (p[0] / 4.0).round() as i32).collect();
+            assert_eq!(pieces.len(), 10, "{algorithm:?}");
+        }
+    }
+}
+
+#[test]
 fn influences_stay_normalised_and_ids_stay_ids() {
     let mut source = terrain(12, 0.2);
     let n = source.positions.len();

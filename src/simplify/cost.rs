@@ -7,7 +7,7 @@ use glam::DVec3;
 /// A collapse that may be tried.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidate {
-    /// Lower collapses earlier. Unit: area × length² of the unit frame, times dimensionless factors.
+    /// Lower collapses earlier. The unit is the algorithm's own, see [`Cost::weigh`].
     pub cost: f64,
     /// Where the joined point goes.
     pub position: DVec3,
@@ -36,6 +36,9 @@ pub(crate) trait Cost: Send + Sync {
 
     /// Judges the collapse of the edge between `a` and `b`, with the joined point at `fixed` if given; `None` if it has no finite cost.
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate>;
+
+    /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
+    fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, kept: u32, gone: u32);

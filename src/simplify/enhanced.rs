@@ -176,6 +176,10 @@ impl Cost for Enhanced {
         cost.is_finite().then_some(Candidate { cost, position: found.position })
     }
 
+    fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
+        area * distance_squared
+    }
+
     fn merged(&mut self, kept: u32, gone: u32) {
         let gone = self.points[gone as usize].curvature;
         let kept = &mut self.points[kept as usize].curvature;

@@ -1,6 +1,7 @@
 //! Which collapses may not happen, and why: link condition, turned faces, needles.
 
 use super::Refusals;
+use super::cost::{Candidate, Cost};
 use crate::curvature::normal_and_area;
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
@@ -49,10 +50,11 @@ impl Cause {
         }
     }
 
-    /// The cost with the fine, for an edge of this length; `None` if no fine buys the collapse. Where the surface is flat and the cost nothing, the
-    /// fine is still something: as much as a shape error of a hundredth of the length.
-    pub fn fined(self, cost: f64, length_squared: f64) -> Option<f64> {
-        self.fine().map(|factor| factor * (cost + 1e-4 * length_squared * length_squared))
+    /// `candidate`'s cost with the fine, for an edge of this length; `None` if no fine buys the collapse. Where the surface is flat and the cost
+    /// nothing, the fine is still something: as much as a shape error of a hundredth of the length.
+    pub fn fined(self, cost: &dyn Cost, candidate: Candidate, length_squared: f64) -> Option<f64> {
+        let least = cost.weigh(length_squared, 1e-4 * length_squared);
+        self.fine().map(|factor| factor * (candidate.cost + least))
     }
 }
 

@@ -125,6 +125,10 @@ impl Cost for Paper {
         candidate.cost.is_finite().then_some(candidate)
     }
 
+    fn weigh(&self, _area: f64, distance_squared: f64) -> f64 {
+        distance_squared
+    }
+
     fn merged(&mut self, kept: u32, gone: u32) {
         let gone = self.quadrics[gone as usize];
         self.quadrics[kept as usize].add(&gone);

@@ -32,7 +32,7 @@ fn run_pass(reducer: &mut Reducer, target: usize) {
     let edges = reducer.refresh();
     let mut ranking = Ranking::new(reducer, &edges);
     let excess = reducer.surface.face_count() - target;
-    let mut pieces = prune::pieces(&reducer.surface).into_iter().peekable();
+    let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
     let mut pace = Pace::new(excess, reducer.surface.face_count());
     let mut left = excess;

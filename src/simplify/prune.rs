@@ -1,5 +1,6 @@
 //! Whole pieces: a shell smaller than the error of the collapses around it goes at once, as no collapse can remove its last faces.
 
+use super::cost::Cost;
 use crate::curvature::normal_and_area;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
@@ -12,13 +13,13 @@ const SEEN_SHARE: f64 = 0.1;
 pub(crate) struct Piece {
     /// Its faces in order.
     pub faces: Vec<u32>,
-    /// Cost of losing it, comparable with a collapse: its area times the mean square of half its diagonal.
+    /// Cost of losing it, comparable with a collapse: all of it is off by about its own size.
     pub cost: f64,
 }
 
 /// The connected pieces, cheapest first, without the dearest: that one stays.
-pub(crate) fn pieces(surface: &Surface) -> Vec<Piece> {
-    let mut pieces = split_pieces(surface);
+pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
+    let mut pieces = split_pieces(surface, cost);
     pieces.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.faces.cmp(&b.faces)));
     pieces.pop();
     pieces
@@ -38,7 +39,7 @@ pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, touched:
     piece.faces.len().min(most)
 }
 
-fn split_pieces(surface: &Surface) -> Vec<Piece> {
+fn split_pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     let mut parent: Vec<u32> = (0..surface.points.len() as u32).collect();
     for f in surface.live_faces() {
         let [a, b, c] = surface.face(f);
@@ -66,7 +67,7 @@ fn split_pieces(surface: &Surface) -> Vec<Piece> {
         .into_iter()
         .map(|(faces, area, low, high)| {
             let square = low.distance_squared(high);
-            Piece { faces, cost: area.max(SEEN_SHARE * square) * square / 3.0 }
+            Piece { faces, cost: cost.weigh(area.max(SEEN_SHARE * square), square / 3.0) }
         })
         .collect()
 }

@@ -62,7 +62,7 @@ pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
 /// Collapses until the target or the end of the queue. Refused edges come back when something next to them changes.
 fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
-    let mut pieces = prune::pieces(&reducer.surface).into_iter().peekable();
+    let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
     while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
         let Some(Reverse(entry)) = queue.heap.pop() else {

@@ -73,7 +73,7 @@ impl Reducer {
         if let Err(cause) = self.check(&merge, candidate, terms) {
             self.refusals.count(cause);
             let length_squared = self.surface.points[a as usize].distance_squared(self.surface.points[b as usize]);
-            return cause.fined(candidate.cost, length_squared).map_or(Outcome::Refused, Outcome::Fined);
+            return cause.fined(&*self.cost, candidate, length_squared).map_or(Outcome::Refused, Outcome::Fined);
         }
         let (start, end) = (self.surface.points[a as usize], self.surface.points[b as usize]);
         let along = end - start;
