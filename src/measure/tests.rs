@@ -291,7 +291,7 @@ fn a_seam_does_not_count_as_a_slip() {
 
 #[test]
 fn fewer_samples_do_for_small_meshes() {
-    assert_eq!(Sampling::for_triangles(12).samples, 10_000);
-    assert_eq!(Sampling::for_triangles(3_000).samples, 24_000);
-    assert_eq!(Sampling::for_triangles(usize::MAX).samples, 50_000);
+    assert_eq!(Sampling::for_triangles(12).samples, 30_000);
+    assert_eq!(Sampling::for_triangles(3_000).samples, 48_000);
+    assert_eq!(Sampling::for_triangles(usize::MAX).samples, 100_000);
 }
