@@ -29,7 +29,7 @@ const ANGLE_EXPONENT: f64 = 0.15;
 /// 1 − cos of the angle between the end normals of an edge that counts as flat.
 const FLAT_ANGLE: f64 = 0.02;
 /// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
-const LENGTH_COST: f64 = 1e-9;
+const LENGTH_COST: f64 = 1e-12;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
