@@ -189,7 +189,7 @@ impl<'a> Reader<'a> {
         let header = Header::parse(&accessor)?;
         let open = |slice: Slice, count, element, packed| {
             open_slice(root, buffers, slice, count, element, packed)
-                .ok_or_else(|| Error::malformed(&place, "its bytes are not there"))
+                .ok_or_else(|| explain_absence(root, buffers, slice, &place))
         };
         let (element, packed) = (header.element(), header.packed_stride());
         let base = header.data.map(|slice| open(slice, header.count, element, packed)).transpose()?;
@@ -293,6 +293,20 @@ fn check_zeros(header: &Header, buffers: &[Option<Vec<u8>>], place: &str) -> Res
     let message = format!("{count} elements without data; with these buffers no more than {most} are believed");
     Err(Error { kind: Kind::Limit, ..Error::malformed(place, message) })
 }
+
+/// Why an accessor has no bytes.
+fn explain_absence(root: &Value, buffers: &[Option<Vec<u8>>], slice: Slice, place: &str) -> Error {
+    let view = Cursor::top(root, "bufferViews", slice.view).and_then(|view| View::parse(&view).ok());
+    match view.map(|view| view.buffer) {
+        Some(buffer) if matches!(buffers.get(buffer), Some(None)) => {
+            Error::malformed(format!("/buffers/{buffer}"), format!("{NO_DATA}, and {place} needs it"))
+        }
+        _ => Error::malformed(place, "its bytes are not there"),
+    }
+}
+
+/// What is wrong with a buffer that comes from nowhere.
+pub(super) const NO_DATA: &str = "the buffer has neither a uri nor the BIN chunk of a GLB";
 
 /// The bytes of `count` elements, or `None` where they are not all there.
 fn open_slice<'a>(

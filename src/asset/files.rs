@@ -1,6 +1,6 @@
 //! An asset's files: its own, its buffers' bytes, and the external files that it names.
 
-use super::accessor::MESHOPT;
+use super::accessor::{MESHOPT, NO_DATA};
 use super::container::{Container, Unpacked};
 use super::cursor::Cursor;
 use super::uri::{self, Directories, Uri};
@@ -96,15 +96,15 @@ enum Source {
 
 impl Files {
     /// Reads the buffers of a checked document and looks for its other files.
-    pub fn read(path: &Path, root: &Path, document: &Value, bin: Option<Vec<u8>>, limits: &Limits) -> Result<Self> {
+    pub fn read(path: &Path, root: &Path, document: &Value, unpacked: &mut Unpacked, limits: &Limits) -> Result<Self> {
         let directories = Directories::new(path, root)?;
         let top = Cursor::root(document);
         let buffers: Vec<_> = top.get("buffers").map(|b| b.elements()).transpose()?.into_iter().flatten().collect();
         check_total(&buffers, limits)?;
         let mut files = Self::default();
-        let mut bin = bin;
+        let is_glb = unpacked.container != Container::Gltf;
         for buffer in &buffers {
-            let bytes = files.read_buffer(buffer, &directories, bin.take())?;
+            let bytes = files.read_buffer(buffer, &directories, unpacked.bin.take(), is_glb)?;
             files.buffers.push(bytes);
         }
         for image in top.get("images").map(|i| i.elements()).transpose()?.into_iter().flatten() {
@@ -116,12 +116,14 @@ impl Files {
         Ok(files)
     }
 
-    /// The bytes of one buffer. `bin` is offered to the first buffer only, which takes it if it has no URI.
+    /// The bytes of one buffer. `bin` is offered to the first buffer only, which takes it if it has no URI. A plain glTF may leave the data of a
+    /// buffer to others: that is an error only for those who need it.
     fn read_buffer(
         &mut self,
         buffer: &Cursor,
         directories: &Directories,
         bin: Option<Vec<u8>>,
+        is_glb: bool,
     ) -> Result<Option<Vec<u8>>> {
         let length = buffer.need("byteLength")?.integer()?;
         let short = |holder: &str, found: u64| {
@@ -139,7 +141,11 @@ impl Files {
                 return Err(Error { kind: Kind::Io, ..buffer.error(format!("{} is missing", path.display())) }
                     .help("a buffer's file must lie where its uri says, relative to the asset"));
             }
-            Source::Nowhere => return Err(buffer.error("the buffer has neither a uri nor the BIN chunk of a GLB")),
+            Source::Nowhere if is_glb => return Err(buffer.error(NO_DATA)),
+            Source::Nowhere => {
+                self.warnings.push(buffer.error(NO_DATA));
+                return Ok(None);
+            }
         };
         if bytes.len() < length {
             return Err(short("its data", bytes.len() as u64));

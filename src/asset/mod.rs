@@ -52,8 +52,8 @@ pub struct Asset {
     pub container: Container,
     /// The JSON, untouched.
     pub document: Document,
-    /// The bytes of each `buffers[i]`, cut to `byteLength`; `None` for a buffer that only compressed geometry needs
-    /// (fallback buffers without data).
+    /// The bytes of each `buffers[i]`, cut to `byteLength`; `None` for a buffer without data of its own: a fallback for
+    /// compressed geometry, or one that a plain glTF leaves to others.
     pub buffers: Vec<Option<Vec<u8>>>,
     /// External files that the document names by relative URI (buffers and images), each once.
     pub resources: Vec<Resource>,
@@ -82,12 +82,12 @@ impl Asset {
     }
 
     fn read_checked(path: &Path, root: &Path, limits: &Limits) -> Result<Self> {
-        let (unpacked, document) = files::parse(path, limits)?;
+        let (mut unpacked, document) = files::parse(path, limits)?;
         let findings = check::check(document.root());
         if let Some(problem) = join_problems(findings.problems) {
             return Err(problem);
         }
-        let files = Files::read(path, root, document.root(), unpacked.bin, limits)?;
+        let files = Files::read(path, root, document.root(), &mut unpacked, limits)?;
         let warnings = [unpacked.warnings, findings.warnings, files.warnings].into_iter().flatten();
         Ok(Self {
             path: path.to_owned(),
