@@ -1,4 +1,4 @@
-//! Which collapses may not happen, and why: link condition, turned faces, needles.
+//! Which collapses may not happen, or only at a higher cost, and why: turned faces, link condition, needles, torn seams.
 
 use super::Refusals;
 use super::cost::{Candidate, Cost};
@@ -14,7 +14,7 @@ const FLIP_COSINE: f64 = 0.2;
 /// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle.
 const NEEDLE_QUALITY: f64 = 0.06;
 
-/// Why a collapse was refused.
+/// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
     Vanish,

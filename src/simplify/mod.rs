@@ -51,17 +51,17 @@ pub enum Stop {
     Stuck,
 }
 
-/// Refused collapses by cause.
+/// Refused collapses by cause. All but flips are refused at their cost only: they may happen later, for a fine, so that targets are reached.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Refusals {
-    /// The link condition: the surface would fold onto itself or change its topology.
+    /// The link condition: the surface would fold onto itself or change its topology; or a piece would vanish, which has its own price.
     pub link: u64,
     /// A face would turn over.
     pub flip: u64,
     /// A face would become a needle.
     pub needle: u64,
-    /// A border vertex would leave the border, or the policy locks it.
+    /// Two borders would be pinched together, or both ends are locked.
     pub border: u64,
-    /// A seam or material border would break, or the policy locks it.
+    /// A seam or material border would end inside the surface.
     pub seam: u64,
 }
