@@ -9,7 +9,9 @@ use support::difference::forbidden_differences;
 use support::lod_rules::{level_ids, mesh_of, new_roots, violations};
 use support::reader::Gltf;
 use support::surface::open_edges;
-use support::{Build, assets_below, build, build_shared, directory_from, files_below, fixtures, items, report_of, run};
+use support::{
+    Build, assets_below, build, build_shared, directory_from, files_below, fixtures, index, items, report_of, run,
+};
 
 /// Fixtures whose meshes must not get levels: too small, or with levels already.
 const WITHOUT_NEW_LEVELS: [&str; 2] = ["shapes/cube.glb", "existing_lod/sphere.glb"];
@@ -151,4 +153,38 @@ fn expect_equal_geometry(relative: &Path, source: &Gltf, output: &Gltf) {
         let (before, after) = (source.elements(accessor), output.elements(accessor));
         assert!(before == after, "{}: accessor {accessor} holds other numbers", relative.display());
     }
+}
+
+/// The `gltf` crate finds the triangles that the report names, in the source's mesh and in its levels.
+#[test]
+fn another_reader_finds_the_levels() {
+    let build = built_fixtures();
+    let mut levels_read = 0;
+    for relative in assets_below(&fixtures()) {
+        let output = build.out.path().join(&relative);
+        // It reads neither quantised nor sparse positions, and no files with blanks in their names.
+        let plain = output.extension().is_some_and(|e| e == "glb") && !relative.starts_with("storage");
+        let Some(meshes) = report_of(&build.report, &relative)["meshes"].as_array().filter(|_| plain) else { continue };
+        let bytes = std::fs::read(&output).expect("an output");
+        let file = gltf::Gltf::from_slice_without_validation(&bytes).expect("a file that the crate parses");
+        let triangles = |mesh: gltf::Mesh| -> usize {
+            let indices = mesh.primitives().filter(|p| p.mode() == gltf::mesh::Mode::Triangles).map(|primitive| {
+                let reader = primitive.reader(|_| file.blob.as_deref());
+                let vertices = reader.read_positions().expect("positions").count();
+                let indices: Vec<u32> = match reader.read_indices() {
+                    Some(indices) => indices.into_u32().collect(),
+                    None => (0..vertices as u32).collect(),
+                };
+                assert!(indices.iter().all(|&i| (i as usize) < vertices), "{}", relative.display());
+                indices.len() / 3
+            });
+            indices.sum()
+        };
+        let found: Vec<usize> = file.meshes().map(triangles).collect();
+        for level in meshes.iter().flat_map(|mesh| items(&mesh["levels"])) {
+            assert!(found.contains(&index(&level["triangles"])), "{}: {level}", relative.display());
+            levels_read += 1;
+        }
+    }
+    assert!(levels_read > 40, "only {levels_read} levels were read");
 }

@@ -7,6 +7,7 @@ use super::storage::{Storage, level_storage};
 use crate::asset::{AttributeLayout, Channel, Component, Geometry, PrimitiveLayout, Shape};
 use crate::mesh::Mesh;
 use crate::meshoptimizer::optimize_order;
+use gltf_json::buffer::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
@@ -45,9 +46,6 @@ pub(super) struct PrimitiveDraft {
     pub attributes: Vec<(String, usize)>,
     pub targets: Vec<Vec<(String, usize)>>,
 }
-
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// Encodes a level. It is rounded to storage already; triangles are put in vertex-cache order, vertices in order of
 /// first use, unused ones are left out, and so are groups without triangles.

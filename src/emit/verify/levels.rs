@@ -215,7 +215,8 @@ impl Rules<'_> {
         let [Some(count)] = counts.into_iter().collect::<Vec<_>>()[..] else { return false };
         let Some(accessor) = number(primitive, "indices") else { return false };
         let Some(bytes) = accessor_bytes(self.sides, accessor) else { return false };
-        let wide = accessors.get(accessor).and_then(|a| number(a, "componentType")) == Some(5125);
+        let wide = accessors.get(accessor).and_then(|a| number(a, "componentType"))
+            == Some(gltf_json::accessor::UNSIGNED_INT as usize);
         let restart = if wide { u64::from(u32::MAX) } else { u64::from(u16::MAX) };
         let size = if wide { 4 } else { 2 };
         let index = |chunk: &[u8]| chunk.iter().rev().fold(0u64, |sum, &byte| sum << 8 | u64::from(byte));
