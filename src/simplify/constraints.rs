@@ -1,7 +1,10 @@
 //! What the edge policies mean: which points are locked and how much the shape of borders and seams costs.
 
 use super::options::{EdgePolicy, Options};
+use super::quadric::Quadric;
+use crate::curvature::normal_and_area;
 use crate::mesh::edges::{Edge, EdgeKind};
+use crate::mesh::surface::Surface;
 
 /// Weight of an open border's plane, relative to the surface: the square on an edge counts as this many times its area.
 const BORDER_WEIGHT: f64 = 1.5;
@@ -9,6 +12,20 @@ const BORDER_WEIGHT: f64 = 1.5;
 const SEAM_WEIGHT: f64 = 0.15;
 /// The same for a border between materials.
 const MATERIAL_WEIGHT: f64 = 0.5;
+
+/// The planes that stand on an edge, one for each of its faces, perpendicular to it; each of weight 1. With two sides of different normals both
+/// count: a fold keeps its outline whatever side is seen.
+pub(crate) fn upright_planes(surface: &Surface, edge: &Edge) -> Quadric {
+    let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
+    let mut planes = Quadric::default();
+    for &corner in surface.ring(edge.a) {
+        if surface.opposite(corner).contains(&edge.b) {
+            let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(corner)));
+            planes.add(&Quadric::plane(normal.cross(b - a).normalize_or_zero(), a, 1.0));
+        }
+    }
+    planes
+}
 
 /// The policies of a run.
 #[derive(Debug, Clone, Copy)]

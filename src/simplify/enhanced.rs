@@ -6,7 +6,7 @@
 //!
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
-use super::constraints::Constraints;
+use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, cheapest};
 use super::options::Options;
 use super::quadric::{Quadric, Volume};
@@ -86,20 +86,11 @@ impl Enhanced {
             return None;
         }
         let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
-        let along = b - a;
-        // With two sides of different normals both count: a fold keeps its outline whatever side is seen.
-        let mut plane = Quadric::default();
-        for &corner in surface.ring(edge.a) {
-            if surface.opposite(corner).contains(&edge.b) {
-                let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(corner)));
-                let across = normal.cross(along).normalize_or_zero();
-                plane.add(&Quadric::plane(across, a, 1.0));
-            }
-        }
+        let plane = upright_planes(surface, edge);
         let mut scaled = Quadric::default();
         let trace = plane.trace();
         if trace > 0.0 {
-            scaled.add_scaled(&plane, weight * along.length_squared() / trace);
+            scaled.add_scaled(&plane, weight * a.distance_squared(b) / trace);
         }
         Some(scaled)
     }

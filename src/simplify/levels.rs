@@ -74,10 +74,18 @@ impl Builder<'_> {
     }
 
     fn reduce(&mut self, triangles: usize) -> Stop {
-        match self.options.schedule {
-            Schedule::Passes => passes::run(&mut self.reducer, triangles),
-            Schedule::Queue => queue::run(&mut self.reducer, triangles),
+        let step = match self.options.schedule {
+            Schedule::Passes => passes::run_pass,
+            Schedule::Queue => queue::drain,
+        };
+        while self.reducer.surface.face_count() > triangles {
+            let before = self.reducer.surface.face_count();
+            step(&mut self.reducer, triangles);
+            if self.reducer.surface.face_count() == before {
+                return Stop::Stuck;
+            }
         }
+        Stop::Target
     }
 
     /// The count that the counting rules ask for: the first that binds on the way down is the largest. With an error rule alone, the least allowed.

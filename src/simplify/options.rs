@@ -92,8 +92,8 @@ pub enum EdgePolicy {
 
 /// Weight of attribute errors relative to position errors; 1 is the automatic normalisation, 0 ignores the attribute.
 ///
-/// At weight 1 an attribute is scaled so that one preset serves small and large meshes: UVs by their density, normals by the mean
-/// edge length.
+/// At weight 1 an attribute is scaled so that one preset serves small and large meshes: UVs by their density, normals
+/// and colours by the length of the edge at hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AttributeWeights {
     /// Normals.

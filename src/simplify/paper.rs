@@ -1,6 +1,6 @@
 //! The costs of the papers: accumulated quadrics (QEM), and with Gaussian curvature added (ESQEM).
 
-use super::constraints::Constraints;
+use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, cheapest};
 use super::options::Options;
 use super::quadric::Quadric;
@@ -67,16 +67,10 @@ impl Paper {
             surface.face(f).iter().for_each(|&p| self.quadrics[p as usize].add(&plane));
         }
         for edge in edges.iter().filter(|e| self.constraints.weight(e.kind) > 0.0) {
-            let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
-            for &corner in surface.ring(edge.a) {
-                if surface.opposite(corner).contains(&edge.b) {
-                    let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(corner)));
-                    let across = normal.cross(b - a).normalize_or_zero();
-                    let plane = Quadric::plane(across, a, self.constraints.weight(edge.kind));
-                    self.quadrics[edge.a as usize].add(&plane);
-                    self.quadrics[edge.b as usize].add(&plane);
-                }
-            }
+            let mut plane = Quadric::default();
+            plane.add_scaled(&upright_planes(surface, edge), self.constraints.weight(edge.kind));
+            self.quadrics[edge.a as usize].add(&plane);
+            self.quadrics[edge.b as usize].add(&plane);
         }
     }
 

@@ -1,8 +1,8 @@
 //! The fast schedule: rank all edges, sort once, collapse greedily where nothing nearby has changed in this pass, repeat.
 
 use super::cost::Rank;
+use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
-use super::{Stop, prune};
 use crate::mesh::edges::Edge;
 use rayon::prelude::*;
 use std::cmp::Reverse;
@@ -16,19 +16,8 @@ const LEAST_SHARE: f64 = 0.03;
 /// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
 const COST_SLACK: f64 = 1.5;
 
-/// Reduces to `target` faces (± 1).
-pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
-    while reducer.surface.face_count() > target {
-        let before = reducer.surface.face_count();
-        run_pass(reducer, target);
-        if reducer.surface.face_count() == before {
-            return Stop::Stuck;
-        }
-    }
-    Stop::Target
-}
-
-fn run_pass(reducer: &mut Reducer, target: usize) {
+/// One pass towards `target` faces (± 1).
+pub(crate) fn run_pass(reducer: &mut Reducer, target: usize) {
     let edges = reducer.refresh();
     let mut ranking = Ranking::new(reducer, &edges);
     let excess = reducer.surface.face_count() - target;

@@ -1,8 +1,8 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
 use super::cost::Rank;
+use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
-use super::{Stop, prune};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -47,20 +47,8 @@ impl Queue {
     }
 }
 
-/// Reduces to `target` faces (± 1).
-pub(crate) fn run(reducer: &mut Reducer, target: usize) -> Stop {
-    while reducer.surface.face_count() > target {
-        let before = reducer.surface.face_count();
-        drain(reducer, target);
-        if reducer.surface.face_count() == before {
-            return Stop::Stuck;
-        }
-    }
-    Stop::Target
-}
-
-/// Collapses until the target or the end of the queue. Refused edges come back when something next to them changes.
-fn drain(reducer: &mut Reducer, target: usize) {
+/// Collapses until `target` faces (± 1) or the end of the queue. Refused edges come back when something next to them changes.
+pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
     let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
