@@ -130,6 +130,9 @@ pub struct PresetArgs {
     /// Algorithm
     #[arg(long, value_name = "NAME")]
     algorithm: Option<String>,
+    /// Time for quality: fast, default or best
+    #[arg(long, value_name = "EFFORT")]
+    effort: Option<String>,
 }
 
 #[derive(Debug, Args)]
@@ -152,6 +155,7 @@ impl PresetArgs {
             preset: self.preset.clone(),
             levels: self.levels.clone(),
             algorithm: self.algorithm.clone(),
+            effort: self.effort.clone(),
         }
     }
 }

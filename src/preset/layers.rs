@@ -8,7 +8,7 @@
 use super::expand::{Copy, Expansion, Layer, Step, check_names, slashed};
 use super::file::{NameConditions, PresetFile};
 use super::level::Levels;
-use super::model::{Algorithm, Keys};
+use super::model::{Algorithm, Effort, Keys};
 use super::source::{Source, reword};
 use super::value::Placed;
 use super::{Coverage, Settings, builtin, settings};
@@ -43,6 +43,8 @@ pub struct Flags {
     pub levels: Option<Vec<f64>>,
     /// `--algorithm NAME`.
     pub algorithm: Option<String>,
+    /// `--effort NAME`.
+    pub effort: Option<String>,
 }
 
 /// The layers that apply to one asset, read and checked; cheap to clone.
@@ -151,14 +153,18 @@ fn read_flags(flags: &Flags) -> Result<Step> {
         keys.levels = Some(Placed { value: levels, span: 0..0 });
     }
     if let Some(name) = &flags.algorithm {
-        let algorithm = Algorithm::from_name(name).map_err(|message| {
-            let (title, help) = reword(&message, None);
-            at_flag("--algorithm", &title).help(help.unwrap_or_default())
-        })?;
-        keys.algorithm = Some(algorithm);
+        keys.algorithm = Some(Algorithm::from_name(name).map_err(|message| name_error("--algorithm", &message))?);
+    }
+    if let Some(name) = &flags.effort {
+        keys.effort = Some(Effort::from_name(name).map_err(|message| name_error("--effort", &message))?);
     }
     let source = Arc::new(Source::new("flags", ""));
     Ok(Step { keys: Arc::new(keys), conditions: Vec::new(), source, label: "flags".into() })
+}
+
+fn name_error(flag: &str, message: &str) -> Error {
+    let (title, help) = reword(message, None);
+    at_flag(flag, &title).help(help.unwrap_or_default())
 }
 
 fn at_flag(flag: &str, title: &str) -> Error {

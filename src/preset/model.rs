@@ -48,6 +48,9 @@ macro_rules! each_key {
         /// The order of collapses.
         schedule: Schedule,
 
+        /// How much time a level may take to become better than what the collapses alone give.
+        effort: Effort,
+
         /// How much Gaussian curvature counts, from 0 to 1000; 0 switches it off, 1 is usual (in paper mode the paper's
         /// a = 0.01). Higher values keep horns, claws and rims longer and flat parts shorter.
         curvature_weight: Weight,
@@ -293,6 +296,18 @@ pub enum Schedule {
     Queue,
 }
 
+/// How much time a level may take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Effort {
+    /// Collapses only.
+    Fast,
+    /// Collapses, then refinement of the worst spots.
+    Default,
+    /// Refinement for as long as it gains: many times slower.
+    Best,
+}
+
 /// What may happen to a kind of edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -380,6 +395,7 @@ replaced!(
     Algorithm,
     Mode,
     Schedule,
+    Effort,
     EdgePolicy,
     Basis,
     Placed<Existing>,
@@ -404,8 +420,7 @@ impl Algorithm {
     /// # Errors
     /// In words, as for an unknown value in a file.
     pub fn from_name(name: &str) -> Result<Self, String> {
-        let name: StrDeserializer<'_, serde::de::value::Error> = name.into_deserializer();
-        Self::deserialize(name).map_err(|error| error.to_string())
+        read_name(name)
     }
 
     /// The algorithm in the library's terms.
@@ -425,6 +440,32 @@ impl From<Schedule> for simplify::Schedule {
         match schedule {
             Schedule::Passes => Self::Passes,
             Schedule::Queue => Self::Queue,
+        }
+    }
+}
+
+impl Effort {
+    /// The effort that TOML calls `name`.
+    ///
+    /// # Errors
+    /// As [`Algorithm::from_name`].
+    pub fn from_name(name: &str) -> Result<Self, String> {
+        read_name(name)
+    }
+}
+
+/// Reads a name as a value in a file would be read.
+fn read_name<T: serde::de::DeserializeOwned>(name: &str) -> Result<T, String> {
+    let name: StrDeserializer<'_, serde::de::value::Error> = name.into_deserializer();
+    T::deserialize(name).map_err(|error| error.to_string())
+}
+
+impl From<Effort> for simplify::Effort {
+    fn from(effort: Effort) -> Self {
+        match effort {
+            Effort::Fast => Self::Fast,
+            Effort::Default => Self::Default,
+            Effort::Best => Self::Best,
         }
     }
 }

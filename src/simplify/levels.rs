@@ -1,7 +1,7 @@
 //! The chain: one run from fine to coarse, a snapshot at each target.
 
 use super::deviation::Deviation;
-use super::options::{Algorithm, Mode, Options, Schedule, Target};
+use super::options::{Algorithm, Effort, Mode, Options, Schedule, Target};
 use super::reducer::Reducer;
 use super::split::{faces_added, long_edges, split_at_midpoints, split_at_source};
 use super::{Chain, Level, Refusals, Stop, passes, queue};
@@ -120,7 +120,9 @@ impl Builder<'_> {
     fn reduce_with_splits(&mut self, triangles: usize) -> (Mesh, Stop) {
         match (self.options.algorithm, self.options.split_factor) {
             (Algorithm::Esqem(Mode::Paper), Some(factor)) => self.split_as_in_paper(triangles, f64::from(factor)),
-            (Algorithm::Esqem(Mode::Enhanced), Some(factor)) => self.split_where_it_helps(triangles, f64::from(factor)),
+            (Algorithm::Esqem(Mode::Enhanced), Some(factor)) if self.options.effort > Effort::Fast => {
+                self.split_where_it_helps(triangles, f64::from(factor))
+            }
             _ => {
                 let stop = self.reduce(triangles);
                 (self.reducer.surface.to_mesh(), stop)

@@ -16,7 +16,7 @@ mod reducer;
 mod split;
 
 pub use levels::simplify;
-pub use options::{Algorithm, AttributeWeights, EdgePolicy, Mode, Options, Schedule, Target};
+pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
 
 use crate::mesh::Mesh;
 

@@ -11,6 +11,8 @@ pub struct Options {
     pub algorithm: Algorithm,
     /// `Passes` is faster, `Queue` keeps the strict order of costs.
     pub schedule: Schedule,
+    /// How much time a level may take to become better than what the collapses alone give.
+    pub effort: Effort,
     /// How much Gaussian curvature counts, relative to what is usual in the [`Mode`]; 0 turns it off. In paper mode 1 is ESQEM's a = 0.01.
     pub curvature_weight: f32,
     /// ESQEM's `b`: edges longer than `b` times the mean edge length are split after the collapses; `None` splits nothing.
@@ -78,6 +80,18 @@ pub enum Schedule {
     Queue,
 }
 
+/// How much time a level may take.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Effort {
+    /// Collapses only.
+    Fast,
+    /// Collapses, then refinement of the worst spots.
+    #[default]
+    Default,
+    /// Refinement for as long as it gains.
+    Best,
+}
+
 /// What may happen to a kind of edge.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum EdgePolicy {
@@ -117,6 +131,7 @@ impl Default for Options {
             min_triangles: 4,
             algorithm: Algorithm::Esqem(Mode::Enhanced),
             schedule: Schedule::Passes,
+            effort: Effort::Default,
             curvature_weight: 1.0,
             split_factor: Some(4.0 / 3.0),
             border: EdgePolicy::Preserve,
