@@ -9,8 +9,11 @@ mod gates;
 mod inspect;
 mod levels;
 mod mesh;
+mod subjects;
 
 pub use inspect::inspect;
+pub(crate) use mesh::Subject;
+pub(crate) use subjects::{Visited, visit_subjects};
 
 use crate::asset::Limits;
 use crate::discover::{Destination, Found, Source, discover, is_asset};

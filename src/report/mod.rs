@@ -12,3 +12,5 @@ pub use model::{
     Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
 };
 pub use text::{Detail, describe_comparison, describe_file, describe_run};
+pub(crate) use model::name_stop;
+pub(crate) use text::{add_row, count, indent, significant, start_table};
