@@ -508,6 +508,24 @@ mod tests {
     }
 
     /// Every triangle is a group of its own: no vertex may leave its place.
+    /// The calls that are timed are those that are measured.
+    #[test]
+    fn bare_calls_do_what_the_others_do() {
+        let prepared = Prepared::new(&sphere(16, false)).unwrap();
+        for (attributes, permissive, update) in
+            [(false, false, false), (false, false, true), (true, false, false), (true, true, false), (true, true, true)]
+        {
+            let settings = Settings { attributes, permissive, update, ..Settings::default() };
+            let calls = prepared.bare_calls(settings).unwrap();
+            for target in [480, 240, 60] {
+                let found = prepared.run_once(target, target, settings).unwrap().mesh.triangles.len();
+                assert_eq!(calls.run_chain(&[target]), found, "{}", settings.name());
+            }
+            assert_eq!(calls.run_chain(&[]), 960);
+            assert!((40..=60).contains(&calls.run_chain(&[480, 240, 60])), "{}", settings.name());
+        }
+    }
+
     #[test]
     fn an_impossible_target_is_reported() {
         let mesh = sphere(8, true);

@@ -74,7 +74,8 @@ impl Mode {
 
     /// All modes that differ for a mesh: attribute modes only where attributes count.
     pub fn all(with_attributes: bool) -> Vec<Self> {
-        let kinds = if with_attributes { &[(false, false), (true, false), (true, true)][..] } else { &[(false, false)] };
+        let kinds =
+            if with_attributes { &[(false, false), (true, false), (true, true)][..] } else { &[(false, false)] };
         let mut modes = Vec::new();
         for &(attributes, permissive) in kinds {
             for update in [false, true] {

@@ -213,3 +213,92 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::report::{OurTime, RivalTime};
+    use super::*;
+
+    fn figures(distance: f64, shading_deg: f64) -> Figures {
+        Figures {
+            triangles: 10,
+            hausdorff_percent: 2.0 * distance,
+            rms_percent: distance,
+            normal_deg: distance,
+            slivers10: distance / 100.0,
+            shading_deg: Some(shading_deg),
+            uv_mean: None,
+            gap_edges: 0,
+            flipped: 0,
+        }
+    }
+
+    fn mode(attributes: bool, update: bool, chained: bool) -> Mode {
+        Mode { settings: Settings { attributes, update, ..Settings::default() }, chained }
+    }
+
+    /// A mesh of one level, with ours and every rival as far off as given.
+    fn mesh(ours: f64, rivals: &[(Mode, f64, f64, bool)]) -> MeshBench {
+        let times = |cpu| Times { cpu, cpu_median: cpu, wall: cpu / 2.0, wall_median: cpu, runs: 1 };
+        let row = |&(mode, distance, shading, reached): &(Mode, f64, f64, bool)| Rival {
+            mode,
+            reached,
+            figures: figures(distance, shading),
+        };
+        let level =
+            LevelRow { level: 1, stop: "target", ours: figures(ours, 1.0), meshopt: rivals.iter().map(row).collect() };
+        MeshBench {
+            file: String::new(),
+            mesh: 0,
+            name: None,
+            triangles: 100,
+            vertices: 50,
+            has_attributes: true,
+            ours: OurTime::new(times(ours), 100, 50, Some(5000)),
+            meshopt: rivals.iter().map(|&(mode, cpu, ..)| RivalTime { mode, times: times(cpu) }).collect(),
+            levels: vec![level],
+        }
+    }
+
+    fn is_near(found: Option<f64>, expected: f64) -> bool {
+        found.is_some_and(|found| (found - expected).abs() < 1e-12)
+    }
+
+    #[test]
+    fn meshes_count_alike_and_unequal_counts_not_at_all() {
+        let plain =
+            |distance, reached| [(Mode::PLAIN, distance, 1.0, reached), (Mode::PLAIN.chained(), 4.0, 1.0, true)];
+        let meshes = [mesh(1.0, &plain(2.0, true)), mesh(4.0, &plain(2.0, true)), mesh(8.0, &plain(2.0, false))];
+        let summary = Summary::of(&meshes);
+        assert_eq!((summary.meshes, summary.levels, summary.modes[0].ratios.levels), (3, 3, 2));
+        // 1/2 and 4/2.
+        assert!(is_near(summary.rms_vs_meshopt, 1.0) && is_near(summary.hausdorff_vs_meshopt, 1.0), "{summary:?}");
+        // 1/4, 4/4 and 8/4: times do not depend on the count.
+        assert!(is_near(summary.chain_time_vs_meshopt_chained, 0.5_f64.cbrt()), "{summary:?}");
+        assert_eq!(summary.chain_time_vs_meshopt_attributes_chained, None);
+        assert!(is_near(summary.slivers, 0.13 / 3.0) && is_near(summary.slivers_meshopt, 0.02), "{summary:?}");
+        assert_eq!(summary.peak_bytes_per_vertex, Some(100.0));
+        assert!(summary.attributes.is_none());
+    }
+
+    #[test]
+    fn the_better_attribute_mode_is_one_mode_or_the_best_of_all() {
+        let rivals = [
+            (Mode::PLAIN, 1.0, 1.0, true),
+            (mode(true, false, false), 8.0, 2.0, true),
+            (mode(true, true, false), 4.0, 5.0, true),
+            (mode(true, true, true), 1.0, 0.1, true),
+        ];
+        let against = Summary::of(&[mesh(2.0, &rivals)]).attributes.unwrap();
+        assert!(is_near(against.best_by_rms.rms, 0.5) && is_near(against.best_by_rms.shading, 0.2), "{against:?}");
+        assert!(is_near(against.best_of_each.rms, 0.5) && is_near(against.best_of_each.shading, 0.5), "{against:?}");
+        assert_eq!((against.best_by_rms.uv, against.best_by_rms.levels), (None, 1));
+    }
+
+    #[test]
+    fn nothing_over_nothing_is_one() {
+        let none = (figures(0.0, 0.0), figures(0.0, 0.0));
+        assert!(is_near(Ratios::of(&[none]).rms, 1.0) && is_near(Ratios::of(&[none]).shading, 1.0));
+        assert_eq!(Ratios::of(&[]), Ratios::default());
+    }
+}

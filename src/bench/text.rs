@@ -1,8 +1,8 @@
 //! The bench for people: a table of all meshes together, one line for each mesh.
 
+use super::Figures;
 use super::report::{BenchReport, MeshBench};
 use super::summary::{ModeSummary, Ratios, Summary};
-use super::Figures;
 use crate::report::{add_row, count, indent, significant, start_table};
 use comfy_table::Table;
 use std::fmt::Write;
@@ -25,7 +25,8 @@ pub fn describe_bench(report: &BenchReport, all_levels: bool) -> String {
 }
 
 fn tabulate_meshes(meshes: &[MeshBench]) -> String {
-    let heads = ["triangles", "cpu ms", "wall ms", "Mtri/s", "bytes/vertex", "cpu ×", "wall ×", "rms ×", "hausd. ×", ""];
+    let heads =
+        ["triangles", "cpu ms", "wall ms", "Mtri/s", "bytes/vertex", "cpu ×", "wall ×", "rms ×", "hausd. ×", ""];
     let mut table = start_table(&heads);
     for mesh in meshes {
         let alone = Summary::of(std::slice::from_ref(mesh));

@@ -42,6 +42,7 @@ pub(crate) fn visit_subjects(
             let errors = catch_unwind(visit).unwrap_or_else(|panic| vec![describe_panic(panic.as_ref())]);
             let name = |error: Error| Problem::new(error.in_file(&job.source.path), &job.source.root);
             visited.problems.extend(errors.into_iter().map(name));
+            observer.asset_benched(&relative_name(&job.source.relative), job.source.bytes);
         }
         visited.problems.extend(found.troubles.iter().map(|error| name_below_inputs(error.clone(), options)));
         visited
