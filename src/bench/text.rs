@@ -25,8 +25,7 @@ pub fn describe_bench(report: &BenchReport, all_levels: bool) -> String {
 }
 
 fn tabulate_meshes(meshes: &[MeshBench]) -> String {
-    let heads =
-        ["triangles", "cpu ms", "wall ms", "Mtri/s", "bytes/vertex", "cpu ×", "wall ×", "rms ×", "hausd. ×", ""];
+    let heads = ["tris", "cpu ms", "wall ms", "Mtri/s", "B/vertex", "cpu ×", "wall ×", "rms ×", "hausd. ×", ""];
     let mut table = start_table(&heads);
     for mesh in meshes {
         let alone = Summary::of(std::slice::from_ref(mesh));
@@ -47,7 +46,8 @@ fn tabulate_meshes(meshes: &[MeshBench]) -> String {
             ],
         );
     }
-    let title = "Our chains; × relative to meshoptimizer: times to its chained calls, distances to its plain ones\n";
+    let title =
+        "Chains of gltf-lod; × over meshoptimizer's: times over plain calls chained, distances over plain\n";
     title.to_owned() + &indent(&table)
 }
 
@@ -87,17 +87,14 @@ fn describe_modes(report: &BenchReport) -> String {
     if attributes {
         heads.extend(["shading", "uv"]);
     }
-    heads.extend(["slivers", "levels", "cpu", "wall", ""]);
+    heads.extend(["slivers", "levels", "cpu", "wall", "by"]);
     let mut table = start_table(&heads);
-    for (index, mode) in summary.modes.iter().enumerate() {
-        let name = if index == 0 { mode.mode.clone() } else { format!("meshopt {}", mode.mode) };
-        add_mode(&mut table, mode, attributes, name);
-    }
+    summary.modes.iter().for_each(|mode| add_mode(&mut table, mode, attributes));
     let missing = summary.levels - summary.modes.first().map_or(0, |ours| ours.ratios.levels);
     let levels: Vec<String> = report.levels.iter().map(ToString::to_string).collect();
     let mut text = format!(
-        "Geometric means over {}, levels {}, at equal triangle counts; figures relative to\n\
-         meshoptimizer's plain simplify of the source, times to its plain calls chained; lower is better\n{}",
+        "gltf-lod and meshoptimizer's modes, geometric means over {}, levels {};\n\
+         figures at equal counts over plain simplify's, times over its chained calls'; lower is better\n{}",
         count(summary.meshes, "mesh", "meshes"),
         levels.join(" "),
         indent(&table)
@@ -108,9 +105,9 @@ fn describe_modes(report: &BenchReport) -> String {
     text
 }
 
-fn add_mode(table: &mut Table, mode: &ModeSummary, attributes: bool, name: String) {
+fn add_mode(table: &mut Table, mode: &ModeSummary, attributes: bool) {
     let mut cells = show_ratios(&mode.ratios, attributes);
-    cells.extend([mode.ratios.levels.to_string(), show(mode.chain_time), show(mode.chain_wall), name]);
+    cells.extend([mode.ratios.levels.to_string(), show(mode.chain_time), show(mode.chain_wall), mode.mode.clone()]);
     add_row(table, &cells);
 }
 
