@@ -104,7 +104,7 @@ impl<'a> BareCalls<'a> {
     /// Checks `input` and prepares what the library wants beside it; with `update` vertices move.
     ///
     /// # Errors
-    /// As [`simplify`].
+    /// [`Kind::Malformed`] when an index is out of range, an array has the wrong length or a number is not finite.
     pub fn new(input: Input<'a>, flags: Flags, update: bool) -> Result<Self> {
         input.check()?;
         Ok(Self { input, vertices: adapt(input.positions)?, locks: input.locks(), flags, update })

@@ -46,8 +46,7 @@ fn tabulate_meshes(meshes: &[MeshBench]) -> String {
             ],
         );
     }
-    let title =
-        "Chains of gltf-lod; × over meshoptimizer's: times over plain calls chained, distances over plain\n";
+    let title = "Chains of gltf-lod; × over meshoptimizer's: times over plain calls chained, distances over plain\n";
     title.to_owned() + &indent(&table)
 }
 
@@ -74,7 +73,7 @@ fn tabulate_levels(mesh: &MeshBench) -> String {
     for level in &mesh.levels {
         add(&level.ours, format!("{} ({})", env!("CARGO_PKG_NAME"), level.stop));
         for rival in &level.meshopt {
-            add(&rival.figures, rival.mode.name() + if rival.reached { "" } else { " (count not reached)" });
+            add(&rival.figures, shorten(&rival.mode.name()) + if rival.reached { "" } else { " (count not reached)" });
         }
     }
     format!("{}\n{}", name_mesh(mesh), indent(&table))
@@ -83,7 +82,7 @@ fn tabulate_levels(mesh: &MeshBench) -> String {
 fn describe_modes(report: &BenchReport) -> String {
     let summary = &report.summary;
     let attributes = summary.attributes.is_some();
-    let mut heads = vec!["hausdorff", "rms", "normals"];
+    let mut heads = vec!["hausd.", "rms", "normals"];
     if attributes {
         heads.extend(["shading", "uv"]);
     }
@@ -107,7 +106,7 @@ fn describe_modes(report: &BenchReport) -> String {
 
 fn add_mode(table: &mut Table, mode: &ModeSummary, attributes: bool) {
     let mut cells = show_ratios(&mode.ratios, attributes);
-    cells.extend([mode.ratios.levels.to_string(), show(mode.chain_time), show(mode.chain_wall), mode.mode.clone()]);
+    cells.extend([mode.ratios.levels.to_string(), show(mode.chain_time), show(mode.chain_wall), shorten(&mode.mode)]);
     add_row(table, &cells);
 }
 
@@ -122,7 +121,7 @@ fn show_ratios(ratios: &Ratios, attributes: bool) -> Vec<String> {
 
 fn describe_attributes(summary: &Summary) -> String {
     let Some(attributes) = &summary.attributes else { return String::new() };
-    let mut table = start_table(&["hausdorff", "rms", "normals", "shading", "uv", "slivers", "levels", "against"]);
+    let mut table = start_table(&["hausd.", "rms", "normals", "shading", "uv", "slivers", "levels", "against"]);
     for (ratios, name) in [
         (&attributes.best_by_rms, "the attribute mode of the smallest RMS, each level"),
         (&attributes.best_of_each, "the best of all attribute modes, each column"),
@@ -143,4 +142,9 @@ fn describe_attributes(summary: &Summary) -> String {
 
 fn show(ratio: Option<f64>) -> String {
     ratio.map_or("-".to_owned(), significant)
+}
+
+/// Names of modes are long where tables are wide.
+fn shorten(mode: &str) -> String {
+    mode.replace("attributes", "attr")
 }
