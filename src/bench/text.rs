@@ -4,7 +4,6 @@ use super::Figures;
 use super::report::{BenchReport, MeshBench};
 use super::summary::{ModeSummary, Ratios, Summary};
 use crate::report::{add_row, count, indent, significant, start_table};
-use comfy_table::Table;
 use std::fmt::Write;
 
 /// The tables; with `all_levels` one of every level, too.
@@ -86,10 +85,15 @@ fn describe_modes(report: &BenchReport) -> String {
     if attributes {
         heads.extend(["shading", "uv"]);
     }
-    heads.extend(["slivers", "levels", "cpu", "wall", "by"]);
+    heads.extend(["slivers", "cpu", "wall", "by"]);
     let mut table = start_table(&heads);
-    summary.modes.iter().for_each(|mode| add_mode(&mut table, mode, attributes));
-    let missing = summary.levels - summary.modes.first().map_or(0, |ours| ours.ratios.levels);
+    let is_partial = |mode: &ModeSummary| mode.ratios.levels < summary.levels;
+    for mode in &summary.modes {
+        let mut cells = show_ratios(&mode.ratios, attributes);
+        let star = if is_partial(mode) { "*" } else { "" };
+        cells.extend([show(mode.chain_time), show(mode.chain_wall), shorten(&mode.mode) + star]);
+        add_row(&mut table, &cells);
+    }
     let levels: Vec<String> = report.levels.iter().map(ToString::to_string).collect();
     let mut text = format!(
         "gltf-lod and meshoptimizer's modes, geometric means over {}, levels {};\n\
@@ -98,16 +102,10 @@ fn describe_modes(report: &BenchReport) -> String {
         levels.join(" "),
         indent(&table)
     );
-    if missing > 0 {
-        _ = writeln!(text, "  {} left out: plain simplify does not reach the count", count(missing, "level", "levels"));
+    if summary.modes.iter().any(is_partial) {
+        text += "  * without the levels at which it or plain simplify does not reach the count, or has no such mode\n";
     }
     text
-}
-
-fn add_mode(table: &mut Table, mode: &ModeSummary, attributes: bool) {
-    let mut cells = show_ratios(&mode.ratios, attributes);
-    cells.extend([mode.ratios.levels.to_string(), show(mode.chain_time), show(mode.chain_wall), shorten(&mode.mode)]);
-    add_row(table, &cells);
 }
 
 fn show_ratios(ratios: &Ratios, attributes: bool) -> Vec<String> {
@@ -123,8 +121,8 @@ fn describe_attributes(summary: &Summary) -> String {
     let Some(attributes) = &summary.attributes else { return String::new() };
     let mut table = start_table(&["hausd.", "rms", "normals", "shading", "uv", "slivers", "levels", "against"]);
     for (ratios, name) in [
-        (&attributes.best_by_rms, "the attribute mode of the smallest RMS, each level"),
-        (&attributes.best_of_each, "the best of all attribute modes, each column"),
+        (&attributes.best_by_rms, "the best by RMS, each level"),
+        (&attributes.best_of_each, "the best of all, each column"),
     ] {
         let mut cells = show_ratios(ratios, true);
         cells.extend([ratios.levels.to_string(), name.to_owned()]);

@@ -30,10 +30,10 @@ Examples:
 
 /// Builds measured levels of detail into glTF files (MSFT_lod).
 const BENCH_HELP: &str = "\
-Levels are 0.5,0.25,0.125,0.0625 unless --levels says otherwise; presets decide about everything else, as in `build`.
-Ours is timed from mesh to levels on all threads, meshoptimizer's library calls alone, each on what the one before left
-(`chained`) or on the source. Of several rounds the minimum counts. Figures are relative to meshoptimizer's plain
-simplify of the source; below 1, ours is better.
+Levels are 0.5,0.25,0.125,0.0625 unless --levels says otherwise; presets decide about the rest.
+Ours is timed from mesh to levels on all threads, meshoptimizer by its library calls alone, each on
+the source, or `chained`: each on what the one before left. Of several rounds the minimum counts.
+Figures are over those of meshoptimizer's plain simplify of the source; below 1, ours is better.
 
 Examples:
   gltf-lod bench models --effort fast
