@@ -3,8 +3,9 @@
 use super::quality::LevelRow;
 use super::summary::Summary;
 use super::{BenchOptions, Mode};
+use crate::error::Kind;
 use crate::pipeline::Visited;
-use crate::report::Problem;
+use crate::report::{MeshReport, Outcome, Problem};
 use serde::Serialize;
 
 /// Everything about one run of the bench.
@@ -125,8 +126,19 @@ impl MeshBench {
 }
 
 impl BenchReport {
+    /// How the run ended.
+    pub fn outcome(&self) -> Outcome {
+        if self.problems.iter().any(|problem| problem.error.kind == Kind::Preset) {
+            Outcome::Preset
+        } else if self.problems.is_empty() {
+            Outcome::Fine
+        } else {
+            Outcome::Trouble
+        }
+    }
+
     pub(super) fn new(levels: Vec<f64>, options: &BenchOptions, meshes: Vec<MeshBench>, visited: Visited) -> Self {
-        let skip = |(file, mesh): (String, crate::report::MeshReport)| SkippedMesh {
+        let skip = |(file, mesh): (String, MeshReport)| SkippedMesh {
             file,
             mesh: mesh.mesh,
             why: mesh.skipped.unwrap_or_default(),

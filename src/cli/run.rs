@@ -63,12 +63,16 @@ fn build(args: &Build) -> anyhow::Result<u8> {
     if let Some(file) = &args.report {
         write_file(file, report::to_json(&report, !args.no_times))?;
     }
-    Ok(match report.outcome() {
+    Ok(code_of(report.outcome()))
+}
+
+fn code_of(outcome: Outcome) -> u8 {
+    match outcome {
         Outcome::Fine => 0,
         Outcome::GateFailed => GATE_FAILED,
         Outcome::Preset => USAGE,
         Outcome::Trouble => TROUBLE,
-    })
+    }
 }
 
 /// The summary shows them too; without it they are all that says why the exit code is 1.
@@ -124,7 +128,7 @@ fn bench(args: &Bench) -> anyhow::Result<u8> {
         print(&describe_bench(&report, args.run.verbose))?;
     }
     report.problems.iter().for_each(|problem| write_line(&format!("error: {}", problem.error)));
-    Ok(if report.problems.is_empty() { 0 } else { TROUBLE })
+    Ok(code_of(report.outcome()))
 }
 
 fn init(args: &Init) -> anyhow::Result<u8> {
