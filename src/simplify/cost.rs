@@ -42,7 +42,7 @@ pub(crate) trait Cost: Send + Sync {
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
-    fn merged(&mut self, kept: u32, gone: u32);
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);
 
     /// Brings what is known of one point up to date with the faces around it.
     fn update(&mut self, surface: &Surface, point: u32);

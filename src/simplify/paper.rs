@@ -125,7 +125,7 @@ impl Cost for Paper {
         distance_squared
     }
 
-    fn merged(&mut self, kept: u32, gone: u32) {
+    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
         let gone = self.quadrics[gone as usize];
         self.quadrics[kept as usize].add(&gone);
     }

@@ -11,7 +11,7 @@ use super::prune::{Piece, are_there_pieces, pieces};
 use crate::attributes::Solution;
 use crate::curvature::border_points;
 use crate::mesh::Mesh;
-use crate::mesh::edges::{Edge, Irregular, collect_edges, recollect_edges};
+use crate::mesh::edges::{Edge, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use std::mem::take;
@@ -40,7 +40,9 @@ impl Reducer {
     /// Starts from a valid mesh.
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
         let surface = Surface::new(mesh);
-        let edges = collect_edges(&surface);
+        let irregular = Irregular::find(&surface);
+        let mut edges = Vec::new();
+        recollect_edges(&surface, &irregular, &mut edges);
         let constraints = Constraints::new(options);
         let cost: Box<dyn Cost> = match options.algorithm {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
@@ -54,7 +56,7 @@ impl Reducer {
             constraints,
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
-            irregular: Irregular::of(&surface, &edges),
+            irregular,
             has_pieces: are_there_pieces(&surface),
             edges,
             surface,
@@ -128,7 +130,7 @@ impl Reducer {
         self.locked[a as usize] |= self.locked[b as usize];
         self.border[a as usize] |= self.border[b as usize];
         self.irregular.follow(&self.surface, a, b, terms.paid);
-        self.cost.merged(a, b);
+        self.cost.merged(&self.surface, a, b);
         Outcome::Done(merge.faces.len())
     }
 
