@@ -3,7 +3,7 @@
 //! The quadrics are memoryless: every plane of a point's quadric goes through the point itself, so that a quadric is a matrix `A` alone and its value at
 //! `x` is `(x − p)ᵀ A (x − p)`. Relative to the first end, with `e` the edge and `y` the place looked for, the sum of both is least where
 //! `(A + B) y = B e`, and the volume is kept where `g · y = N_b · e`: `g` is the sum of the area vectors of the faces around both ends, `N_b` of those
-//! around the second (Lindstrom & Turk 1998, eq. 4). A pull towards the middle of the edge, two steps of it, decides where the surface does not
+//! around the second (Lindstrom & Turk 1998, eq. 4). A pull towards the middle of the edge, three steps of it, decides where the surface does not
 //! (after Trettner & Kobbelt 2020).
 //!
 //! Places are found in single precision, relative to the edge; what they cost is evaluated in double precision, since a plane's error next to nothing
@@ -199,8 +199,8 @@ impl Subject<'_> {
         let factors = Factors::of(&joint, trace * STIFFNESS);
         let middle = edge * 0.5;
         let mut free = middle;
-        // The second step starts from the first's result: the pull's bias is squared away wherever the surface decides.
-        for _ in 0..2 {
+        // Each step starts from the last one's result: powers of the pull's bias vanish wherever the surface decides.
+        for _ in 0..3 {
             free += factors.solve(right - multiply(&joint, free));
         }
         let normal = a.normal() + b.normal() - shared;
