@@ -15,6 +15,7 @@ pub mod mesh;
 mod meshoptimizer;
 pub mod pipeline;
 pub mod preset;
+mod progressive;
 pub mod report;
 pub mod simplify;
 

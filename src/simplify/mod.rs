@@ -15,6 +15,7 @@ mod queue;
 mod reducer;
 mod split;
 
+pub(crate) use levels::record;
 pub use levels::simplify;
 pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
 

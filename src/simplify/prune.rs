@@ -25,11 +25,16 @@ pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     pieces
 }
 
-/// Removes a piece, if it is untouched in this pass and has no more than `most + 1` faces; gives the faces removed, at most `most`.
-pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, touched: &mut [bool]) -> usize {
+/// Whether a piece is untouched in this pass and has no more than `most + 1` faces.
+pub(crate) fn may_remove(surface: &Surface, piece: &Piece, most: usize, touched: &[bool]) -> bool {
     let fresh =
         |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize]);
-    if most == 0 || piece.faces.len() > most + 1 || !piece.faces.iter().all(fresh) {
+    most > 0 && piece.faces.len() <= most + 1 && piece.faces.iter().all(fresh)
+}
+
+/// Removes a piece that may be removed; gives the faces removed, at most `most`.
+pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, touched: &mut [bool]) -> usize {
+    if !may_remove(surface, piece, most, touched) {
         return 0;
     }
     for &face in &piece.faces {

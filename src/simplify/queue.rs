@@ -56,14 +56,14 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         let Some(Reverse(entry)) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            remove_piece(reducer, &piece, left, &mut touched);
             continue;
         };
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
         if let Some(piece) = pieces.next_if(|p| p.cost <= entry.rank.cost()) {
-            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            remove_piece(reducer, &piece, left, &mut touched);
             queue.heap.push(Reverse(entry));
             continue;
         }
@@ -78,6 +78,13 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
             Outcome::Refused => {}
         }
     }
+}
+
+fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &mut [bool]) {
+    if let Some(log) = reducer.log.as_mut().filter(|_| prune::may_remove(&reducer.surface, piece, most, touched)) {
+        log.remove(&reducer.surface, &piece.faces);
+    }
+    prune::remove(&mut reducer.surface, piece, most, touched);
 }
 
 /// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.

@@ -12,12 +12,15 @@ use crate::mesh::Mesh;
 use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
+use crate::progressive::Log;
 
 /// A surface on its way from fine to coarse.
 pub(crate) struct Reducer {
     pub surface: Surface,
     pub cost: Box<dyn Cost>,
     pub refusals: Refusals,
+    /// Watches what the strict schedule takes away, if somebody wants it back.
+    pub log: Option<Log>,
     constraints: Constraints,
     locked: Vec<bool>,
     solution: Solution,
@@ -35,11 +38,14 @@ impl Reducer {
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
         };
         let locked = constraints.lock_points(surface.points.len(), &edges);
-        Self { surface, cost, refusals: Refusals::default(), constraints, locked, solution: Solution::default() }
+        Self { surface, cost, refusals: Refusals::default(), log: None, constraints, locked, solution: Solution::default() }
     }
 
     /// All edges as they are now, known to the cost.
     pub fn refresh(&mut self) -> Vec<Edge> {
+        if let Some(log) = &mut self.log {
+            log.renumber(&self.surface);
+        }
         self.surface.compact();
         let edges = collect_edges(&self.surface);
         self.cost.refresh(&self.surface, &edges);
@@ -80,8 +86,12 @@ impl Reducer {
         let t = (candidate.position - start).dot(along) / along.length_squared();
         let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
         self.solution.solve(&self.surface, &merge, candidate.position, t);
+        let entry = self.log.as_ref().map(|log| log.begin(&self.surface, &merge));
         merge.apply(&mut self.surface, candidate.position);
         self.solution.write(&mut self.surface.wedges);
+        if let (Some(log), Some(entry)) = (&mut self.log, entry) {
+            log.finish(entry, &self.surface);
+        }
         self.locked[a as usize] |= self.locked[b as usize];
         self.cost.merged(a, b);
         Outcome::Done(merge.faces.len())
