@@ -20,6 +20,8 @@ pub mod report;
 pub mod simplify;
 
 pub use error::{Error, Kind, Result};
-pub use pipeline::{BuildOptions, Observer, Unobserved, build, compare, inspect};
+pub use pipeline::{
+    BuildOptions, Observer, ProgressiveOptions, RebuildOptions, Unobserved, build, compare, inspect, progressive, rebuild,
+};
 pub use report::Report;
 pub use simplify::simplify;

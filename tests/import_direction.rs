@@ -25,7 +25,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("report", &["measure", "simplify"]),
     (
         "pipeline",
-        &["asset", "baseline", "coverage", "discover", "emit", "measure", "mesh", "preset", "report", "simplify"],
+        &["asset", "baseline", "coverage", "discover", "emit", "measure", "mesh", "preset", "progressive", "report", "simplify"],
     ),
 ];
 

@@ -135,3 +135,13 @@ pub(super) fn level_accessors(level: &EncodedLevel, first_view: usize) -> Vec<Va
     };
     level.accessors.iter().map(one).collect()
 }
+
+/// An extension of a mesh or primitive that says something of exactly its vertices or triangles.
+pub(super) fn find_bound_extension(object: &Value) -> Option<&str> {
+    let extensions = object.get("extensions")?.as_object()?;
+    let is_bound = |(name, payload): &(&String, &Value)| {
+        BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str())
+            || *name == "EXT_mesh_features" && carried_payload(name, payload).is_none()
+    };
+    extensions.iter().find(is_bound).map(|(name, _)| name.as_str())
+}

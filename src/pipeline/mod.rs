@@ -9,8 +9,10 @@ mod gates;
 mod inspect;
 mod levels;
 mod mesh;
+mod progressive;
 
 pub use inspect::inspect;
+pub use progressive::{ProgressiveOptions, RebuildOptions, progressive, rebuild};
 
 use crate::asset::Limits;
 use crate::discover::{Destination, Found, Source, discover, is_asset};

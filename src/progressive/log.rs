@@ -157,6 +157,11 @@ impl Log {
         self.steps.push(step);
     }
 
+    /// Whether nothing was taken away.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
     /// To be called at the end: the made nodes get proper directions, as the levels of a chain do.
     pub fn finished(mut self) -> Self {
         normalize_directions(&mut self.made.attributes);

@@ -96,7 +96,8 @@ impl State {
         &self.layouts[group as usize]
     }
 
-    pub(super) fn group_count(&self) -> usize {
+    /// Number of groups, with or without vertices.
+    pub fn group_count(&self) -> usize {
         self.layouts.len()
     }
 
