@@ -18,7 +18,7 @@ pub mod verify;
 mod write;
 
 pub(crate) use progressive_mesh::{
-    ProgressiveMesh, ProgressiveSize, Refining, encode_progressive, find_obstacle, write_progressive, write_rebuilt,
+    ProgressiveMesh, Refining, encode_progressive, find_obstacle, write_progressive, write_rebuilt,
 };
 pub use storage::round_to_storage;
 pub use write::write;

@@ -12,7 +12,7 @@ use crate::asset::{Asset, Geometry, Limits, PROGRESSIVE, Progressive};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::mesh::surface::Surface;
-use crate::progressive::{Chunk, Log, State, Steps, Stop, encode, refine};
+use crate::progressive::{Chunk, Log, Most, State, Steps, Stop, encode, refine};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -163,6 +163,8 @@ pub(crate) struct Refining<'a> {
     done: (usize, usize),
     /// Whether records are missing at the end.
     ends_early: bool,
+    /// Numbers that its vertices may have.
+    most_numbers: usize,
 }
 
 impl<'a> Refining<'a> {
@@ -189,8 +191,18 @@ impl<'a> Refining<'a> {
                 state.add_face([a, b, c]);
             }
         }
-        let (next, done) = (0, (0, 0));
-        Ok(Some(Self { mesh: index, geometry, progressive, channels, stand_ins, state, next, done, ends_early }))
+        Ok(Some(Self {
+            mesh: index,
+            geometry,
+            progressive,
+            channels,
+            stand_ins,
+            state,
+            next: 0,
+            done: (0, 0),
+            ends_early,
+            most_numbers: usize::try_from(limits.mesh_bytes / 4).unwrap_or(usize::MAX),
+        }))
     }
 
     /// Triangles now.
@@ -210,7 +222,7 @@ impl<'a> Refining<'a> {
     pub fn refine(&mut self, triangles: usize) -> Result<bool> {
         while let Some(chunk) = self.progressive.chunks.get(self.next) {
             let rest = chunk.bytes.get(self.done.0..).unwrap_or_default();
-            let end = refine(&mut self.state, rest, triangles);
+            let end = refine(&mut self.state, rest, Most { triangles, numbers: self.most_numbers });
             self.done = (self.done.0 + end.bytes, self.done.1 + end.records);
             let wrong = |what: String| {
                 let place = format!("{}/chunks/{}", self.progressive.place, self.next);

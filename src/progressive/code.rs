@@ -93,6 +93,49 @@ pub(super) fn write_signed(value: i32, bytes: &mut Vec<u8>) {
     write_unsigned(((value << 1) ^ (value >> 31)) as u32, bytes);
 }
 
+/// Writes differences, of which many in a row are 0: a 0 is followed by how many more there are.
+#[derive(Debug, Default)]
+pub(super) struct Residuals {
+    zeros: u32,
+}
+
+impl Residuals {
+    pub fn write(&mut self, residual: i32, bytes: &mut Vec<u8>) {
+        if residual == 0 {
+            self.zeros += 1;
+        } else {
+            self.end(bytes);
+            write_signed(residual, bytes);
+        }
+    }
+
+    /// To be called after the last difference.
+    pub fn end(&mut self, bytes: &mut Vec<u8>) {
+        if let Some(more) = std::mem::take(&mut self.zeros).checked_sub(1) {
+            write_signed(0, bytes);
+            write_unsigned(more, bytes);
+        }
+    }
+
+    /// The other way, as the reader.
+    pub fn read(&mut self, reader: &mut Reader) -> Result<i32, Fault> {
+        if let Some(left) = self.zeros.checked_sub(1) {
+            self.zeros = left;
+            return Ok(0);
+        }
+        let residual = reader.signed()?;
+        if residual == 0 {
+            self.zeros = reader.unsigned()?;
+        }
+        Ok(residual)
+    }
+
+    /// To be called after the last difference was read.
+    pub fn check_end(&self) -> Result<(), Fault> {
+        if self.zeros == 0 { Ok(()) } else { Err(Fault::Malformed("more zeros than there are numbers")) }
+    }
+}
+
 /// Why a record cannot be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {

@@ -28,17 +28,27 @@ pub(crate) enum Stop {
     Malformed(&'static str),
 }
 
-/// Applies the records of `bytes` for as long as the mesh has no more than `triangles` triangles. A record is applied in full or not at all.
-pub(crate) fn refine(state: &mut State, bytes: &[u8], triangles: usize) -> End {
+/// How far to refine.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Most {
+    /// Triangles of the mesh.
+    pub triangles: usize,
+    /// Numbers of all its vertices.
+    pub numbers: usize,
+}
+
+/// Applies the records of `bytes` for as long as the mesh has no more than `most`. A record is applied in full or not at all.
+pub(crate) fn refine(state: &mut State, bytes: &[u8], most: Most) -> End {
     let mut end = End { records: 0, bytes: 0, stop: Stop::Bytes };
     while end.bytes < bytes.len() {
         let mut reader = Reader::new(bytes, end.bytes);
-        let record = match read_record(state, &mut reader) {
+        let room = most.numbers.saturating_sub(state.number_count());
+        let record = match read_record(state, room, &mut reader) {
             Ok(record) => record,
             Err(Fault::Truncated) => return End { stop: Stop::Truncated, ..end },
             Err(Fault::Malformed(what)) => return End { stop: Stop::Malformed(what), ..end },
         };
-        if state.faces().len().saturating_add(record.faces.len()) > triangles {
+        if state.faces().len().saturating_add(record.faces.len()) > most.triangles {
             return End { stop: Stop::Target, ..end };
         }
         if !state.apply(&record) {

@@ -12,7 +12,7 @@ pub(crate) struct Steps {
 }
 
 /// Steps in the mean difference along an edge of the source.
-const STEPS_AN_EDGE: f64 = 128.0;
+const STEPS_AN_EDGE: f64 = 64.0;
 /// The step is no more than this share of the largest value: unit vectors have to stay such.
 const LARGEST_SHARE: f64 = 1.0 / 512.0;
 /// A value has no more than 2²³ steps, so that a float holds every multiple.

@@ -18,8 +18,8 @@ mod state;
 mod tests;
 
 pub(crate) use code::Number;
-pub(crate) use decode::{End, Stop, refine};
-pub(crate) use encode::{Chunk, Encoded, encode};
+pub(crate) use decode::{Most, Stop, refine};
+pub(crate) use encode::{Chunk, encode};
 pub(crate) use grid::Steps;
-pub(crate) use log::{Entry, Log};
+pub(crate) use log::Log;
 pub(crate) use state::State;

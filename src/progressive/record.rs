@@ -1,6 +1,6 @@
 //! One record as bytes, both ways. Writer and reader stand side by side: each line of one answers a line of the other.
 
-use super::code::{Fault, Number, Reader, write_signed, write_unsigned};
+use super::code::{Fault, Number, Reader, Residuals, write_unsigned};
 use super::state::{Added, Record, Split, State};
 use smallvec::SmallVec;
 
@@ -54,8 +54,8 @@ pub(super) fn write_record(state: &State, record: &Record, bytes: &mut Vec<u8>) 
     }
 }
 
-/// Reads a record for `state` as it is before it.
-pub(super) fn read_record(state: &State, reader: &mut Reader) -> Result<Record, Fault> {
+/// Reads a record for `state` as it is before it. `room` is how many numbers its vertices may have: runs of zeros make many of few bytes.
+pub(super) fn read_record(state: &State, room: usize, reader: &mut Reader) -> Result<Record, Fault> {
     let first = reader.byte()?;
     if first & header::UNUSED != 0 {
         return Err(Fault::Malformed("a flag that is not known"));
@@ -75,7 +75,7 @@ pub(super) fn read_record(state: &State, reader: &mut Reader) -> Result<Record, 
         let split = read_split(state, index > 0 || first & header::SHAPE != 0, reader)?;
         record.splits.push(split);
     }
-    let made = read_rows(state, &mut record, added, reader)?;
+    let made = read_rows(state, &mut record, added, room, reader)?;
     for _ in 0..faces {
         let face = read_face(state, &record, &made, reader)?;
         record.faces.push(face);
@@ -194,6 +194,7 @@ impl Ends {
 
 fn write_rows(state: &State, record: &Record, bytes: &mut Vec<u8>) -> (Vec<Made>, Locals) {
     let (mut made, mut ends, mut start) = (Vec::new(), Ends::default(), 0);
+    let mut residuals = Residuals::default();
     let mut next = state.vertex_count() as u32;
     for (index, split) in record.splits.iter().enumerate() {
         ends.sibling = None;
@@ -204,13 +205,14 @@ fn write_rows(state: &State, record: &Record, bytes: &mut Vec<u8>) -> (Vec<Made>
             let known = if ends.first[usize::from(end)].is_some() { POSITION } else { 0 };
             for i in known..layout.len() {
                 let predicted = ends.predict(layout[i], i, end, joined[i], &record.rows);
-                write_signed(layout[i].residual(exact, predicted, record.rows[start + i]), bytes);
+                residuals.write(layout[i].residual(exact, predicted, record.rows[start + i]), bytes);
             }
             ends.learn(end, start);
             made.push(Made { id: child_id(split.vertex, child, &mut next), group, start, origin: Some((index, child)) });
             start += layout.len();
         }
     }
+    residuals.end(bytes);
     let mut locals = Locals::of(&made);
     for added in &record.added {
         write_reference(&locals, added.predictor, bytes);
@@ -219,8 +221,9 @@ fn write_rows(state: &State, record: &Record, bytes: &mut Vec<u8>) -> (Vec<Made>
         write_unsigned(named << 1 | u32::from(added.exact), bytes);
         for (i, number) in state.layout(added.group).iter().enumerate() {
             let predicted = predict_added(group == added.group, i, predictor);
-            write_signed(number.residual(added.exact, predicted, record.rows[start + i]), bytes);
+            residuals.write(number.residual(added.exact, predicted, record.rows[start + i]), bytes);
         }
+        residuals.end(bytes);
         // New ids only grow.
         locals.sorted.push((next, made.len()));
         made.push(Made { id: next, group: added.group, start, origin: None });
@@ -230,8 +233,17 @@ fn write_rows(state: &State, record: &Record, bytes: &mut Vec<u8>) -> (Vec<Made>
     (made, locals)
 }
 
-fn read_rows(state: &State, record: &mut Record, added: u32, reader: &mut Reader) -> Result<Vec<Made>, Fault> {
-    let (mut made, mut ends) = (Vec::new(), Ends::default());
+fn read_rows(
+    state: &State,
+    record: &mut Record,
+    added: u32,
+    room: usize,
+    reader: &mut Reader,
+) -> Result<Vec<Made>, Fault> {
+    let check_room = |record: &Record| {
+        if record.rows.len() <= room { Ok(()) } else { Err(Fault::Malformed("more vertices than the limit on memory allows")) }
+    };
+    let (mut made, mut ends, mut residuals) = (Vec::new(), Ends::default(), Residuals::default());
     let mut next = state.vertex_count() as u32;
     for (index, split) in record.splits.iter().enumerate() {
         ends.sibling = None;
@@ -245,12 +257,14 @@ fn read_rows(state: &State, record: &mut Record, added: u32, reader: &mut Reader
             }
             for i in record.rows.len() - start..layout.len() {
                 let predicted = ends.predict(layout[i], i, end, joined[i], &record.rows);
-                record.rows.push(read_number(layout[i], exact, predicted, reader)?);
+                record.rows.push(restore(layout[i], exact, predicted, residuals.read(reader)?)?);
             }
+            check_room(record)?;
             ends.learn(end, start);
             made.push(Made { id: child_id(split.vertex, child, &mut next), group, start, origin: Some((index, child)) });
         }
     }
+    residuals.check_end()?;
     for _ in 0..added {
         let reference = read_reference(state, &made, reader)?;
         let predictor = reference.map_or_else(|absolute| absolute, |local| made[local].id);
@@ -263,8 +277,10 @@ fn read_rows(state: &State, record: &mut Record, added: u32, reader: &mut Reader
         let start = record.rows.len();
         for (i, &number) in state.layout(group).iter().enumerate() {
             let predicted = predict_added(own == group, i, find_row(state, record, &made, reference).1);
-            record.rows.push(read_number(number, exact, predicted, reader)?);
+            record.rows.push(restore(number, exact, predicted, residuals.read(reader)?)?);
         }
+        residuals.check_end()?;
+        check_room(record)?;
         record.added.push(Added { group, exact, predictor });
         made.push(Made { id: next, group, start, origin: None });
         next += 1;
@@ -272,8 +288,8 @@ fn read_rows(state: &State, record: &mut Record, added: u32, reader: &mut Reader
     Ok(made)
 }
 
-fn read_number(number: Number, exact: bool, predicted: i32, reader: &mut Reader) -> Result<i32, Fault> {
-    number.restore(exact, predicted, reader.signed()?).ok_or(Fault::Malformed("a number that is not finite"))
+fn restore(number: Number, exact: bool, predicted: i32, residual: i32) -> Result<i32, Fault> {
+    number.restore(exact, predicted, residual).ok_or(Fault::Malformed("a number that is not finite"))
 }
 
 fn child_id(vertex: u32, child: usize, next: &mut u32) -> u32 {

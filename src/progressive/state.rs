@@ -82,6 +82,11 @@ impl State {
         self.groups.len()
     }
 
+    /// Number of numbers of all vertices.
+    pub fn number_count(&self) -> usize {
+        self.numbers.len()
+    }
+
     /// The group of a vertex.
     pub fn group(&self, vertex: u32) -> u32 {
         self.groups[vertex as usize]

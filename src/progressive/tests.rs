@@ -1,5 +1,7 @@
 //! Round trips of small and odd meshes through log, records and back.
 
+use super::decode::End;
+use super::encode::Encoded;
 use super::*;
 use crate::mesh::{Attribute, Mesh, Semantic};
 use crate::simplify::{self, Options};
@@ -47,7 +49,7 @@ impl Trip {
     /// Refined by as much of `bytes` as there is, to at most `triangles`.
     fn up(&self, bytes: &[u8], triangles: usize) -> (State, End) {
         let mut state = self.encoded.base.clone();
-        let end = refine(&mut state, bytes, triangles);
+        let end = refine_to(&mut state, bytes, triangles);
         (state, end)
     }
 
@@ -62,7 +64,7 @@ impl Trip {
         let mut at = 0;
         while at < stream.len() {
             let before = state.faces().len();
-            let end = refine(&mut state, &stream[at..], before + 1);
+            let end = refine_to(&mut state, &stream[at..], before + 1);
             let step = if end.records > 0 { end } else { self.one_record(&mut state, &stream[at..]) };
             at += step.bytes;
             check_sound(&state);
@@ -72,9 +74,13 @@ impl Trip {
 
     fn one_record(&self, state: &mut State, bytes: &[u8]) -> End {
         let before = state.faces().len();
-        let end = (2..).map(|more| refine(state, bytes, before + more)).find(|end| end.records > 0);
+        let end = (2..).map(|more| refine_to(state, bytes, before + more)).find(|end| end.records > 0);
         end.expect("some record comes next")
     }
+}
+
+fn refine_to(state: &mut State, bytes: &[u8], triangles: usize) -> End {
+    refine(state, bytes, Most { triangles, numbers: 1 << 20 })
 }
 
 fn row(mesh: &Mesh, v: u32) -> Vec<i32> {
@@ -250,10 +256,12 @@ fn damaged_trip() -> &'static Trip {
 }
 
 #[test]
-fn sizes() {
-    for n in [20, 60, 120] {
-        let trip = Trip::down(bumps(n, false, false), 2 * (n * n) as usize / 20);
-        let records: usize = trip.encoded.chunks.iter().map(|c| c.records).sum();
-        eprintln!("{n}: {} records, {:.1} bytes each", records, trip.stream().len() as f64 / records as f64);
-    }
+fn a_run_of_zeros_cannot_ask_for_more_memory_than_allowed() {
+    let trip = damaged_trip();
+    let mut state = trip.encoded.base.clone();
+    // No split, 2³² − 1 vertices added, each of a few zeros.
+    let mut bytes = vec![4 | 8, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0x0F];
+    bytes.extend([0, 0, 0, 4].repeat(100_000));
+    let end = refine(&mut state, &bytes, Most { triangles: usize::MAX, numbers: 10_000 });
+    assert_eq!(end.stop, Stop::Malformed("more vertices than the limit on memory allows"));
 }
