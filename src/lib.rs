@@ -21,7 +21,8 @@ pub mod simplify;
 
 pub use error::{Error, Kind, Result};
 pub use pipeline::{
-    BuildOptions, Observer, ProgressiveOptions, RebuildOptions, Unobserved, build, compare, inspect, progressive, rebuild,
+    BuildOptions, Observer, ProgressiveOptions, RebuildOptions, Unobserved, build, compare, inspect, progressive,
+    rebuild,
 };
 pub use report::Report;
 pub use simplify::simplify;

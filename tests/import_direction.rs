@@ -25,7 +25,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("report", &["measure", "simplify"]),
     (
         "pipeline",
-        &["asset", "baseline", "coverage", "discover", "emit", "measure", "mesh", "preset", "progressive", "report", "simplify"],
+        &[
+            "asset",
+            "baseline",
+            "coverage",
+            "discover",
+            "emit",
+            "measure",
+            "mesh",
+            "preset",
+            "progressive",
+            "report",
+            "simplify",
+        ],
     ),
 ];
 

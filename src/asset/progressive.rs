@@ -130,13 +130,12 @@ fn read_attribute(attribute: &Cursor) -> Result<RowAttribute> {
 pub(super) fn fit_to_prefix(document: &mut Document, available: usize) -> Result<()> {
     let root = document.root();
     let promised = Cursor::top(root, "buffers", 0).map(|b| b.need("byteLength")?.integer()).transpose()?.unwrap_or(0);
-    let chunks = document.array("meshes").iter().filter_map(|mesh| {
-        mesh.get("extensions")?.get(PROGRESSIVE)?.get("chunks")?.as_array()
-    });
-    let records: std::collections::BTreeSet<usize> = chunks
-        .flatten()
-        .filter_map(|chunk| usize::try_from(chunk.get("bufferView")?.as_u64()?).ok())
-        .collect();
+    let chunks = document
+        .array("meshes")
+        .iter()
+        .filter_map(|mesh| mesh.get("extensions")?.get(PROGRESSIVE)?.get("chunks")?.as_array());
+    let records: std::collections::BTreeSet<usize> =
+        chunks.flatten().filter_map(|chunk| usize::try_from(chunk.get("bufferView")?.as_u64()?).ok()).collect();
     let mut edits = Vec::new();
     for (index, _) in document.array("bufferViews").iter().enumerate() {
         let Some(cursor) = Cursor::top(root, "bufferViews", index) else { continue };
@@ -145,7 +144,8 @@ pub(super) fn fit_to_prefix(document: &mut Document, available: usize) -> Result
             continue;
         }
         if !records.contains(&index) {
-            let message = format!("the file ends after {available} of {promised} bytes of its buffer, before this view");
+            let message =
+                format!("the file ends after {available} of {promised} bytes of its buffer, before this view");
             return Err(cursor.error(message).help("fetch more of the file: at least up to its first records"));
         }
         let offset = view.offset.min(available);

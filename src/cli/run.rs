@@ -6,8 +6,8 @@ use anyhow::Context;
 use clap::Parser;
 use gltf_lod::asset::Limits;
 use gltf_lod::emit::{self, Content, Output, OutputFile};
-use gltf_lod::report::{self, Detail, Outcome, Report};
 use gltf_lod::preset::{self, Flags};
+use gltf_lod::report::{self, Detail, Outcome, Report};
 use gltf_lod::{BuildOptions, Error, Kind, ProgressiveOptions, RebuildOptions};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -122,7 +122,11 @@ fn progressive(args: &Progressive) -> anyhow::Result<u8> {
     };
     let report = gltf_lod::progressive(&options)?;
     report.warnings.iter().for_each(|warning| write_line(&format!("warning: {warning}")));
-    if args.json { print_json(&report)? } else { print(&report::describe_progressive(&report))? }
+    if args.json {
+        print_json(&report)?
+    } else {
+        print(&report::describe_progressive(&report))?
+    }
     Ok(0)
 }
 
@@ -136,7 +140,11 @@ fn rebuild(args: &Rebuild) -> anyhow::Result<u8> {
     };
     let report = gltf_lod::rebuild(&options)?;
     report.warnings.iter().for_each(|warning| write_line(&format!("warning: {warning}")));
-    if args.json { print_json(&report)? } else { print(&report::describe_rebuild(&report))? }
+    if args.json {
+        print_json(&report)?
+    } else {
+        print(&report::describe_rebuild(&report))?
+    }
     Ok(0)
 }
 

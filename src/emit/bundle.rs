@@ -20,7 +20,13 @@ pub(super) struct Load<'a> {
 }
 
 /// Packs `document`, made from the asset's, as the file `name`. Files that cannot be taken in are copied beside it, with a note.
-pub(super) fn bundle(asset: &Asset, mut document: Document, views: &Views, load: &Load, name: PathBuf) -> Result<Output> {
+pub(super) fn bundle(
+    asset: &Asset,
+    mut document: Document,
+    views: &Views,
+    load: &Load,
+    name: PathBuf,
+) -> Result<Output> {
     if names_ranges(&asset.document) {
         let error = Error::unsupported("", "an extension names a range of a buffer by itself, which would move");
         return Err(error.in_file(&asset.path));
@@ -52,7 +58,8 @@ pub(super) fn bundle(asset: &Asset, mut document: Document, views: &Views, load:
     // Indentation that suits a file of its own is waste here.
     let json = document.root().to_string().into_bytes();
     let bin = (!bin.is_empty()).then_some(bin);
-    let mut files = vec![OutputFile { relative: name, content: Content::Bytes(container.pack(&json, bin.as_deref())?) }];
+    let mut files =
+        vec![OutputFile { relative: name, content: Content::Bytes(container.pack(&json, bin.as_deref())?) }];
     let mut notes = Vec::new();
     files.extend(files_outside(asset, &document, &mut notes));
     Ok(Output { files, notes })
@@ -127,7 +134,8 @@ fn fallback_index(asset: &Asset, buffer: usize) -> usize {
 /// One buffer with all data, then those that never had any.
 fn join_buffers(asset: &Asset, document: &mut Document, length: usize) {
     let old = document.array("buffers").to_vec();
-    let mut first = old.first().filter(|_| matches!(asset.buffers.first(), Some(Some(_)))).cloned().unwrap_or(json!({}));
+    let mut first =
+        old.first().filter(|_| matches!(asset.buffers.first(), Some(Some(_)))).cloned().unwrap_or(json!({}));
     if let Some(object) = first.as_object_mut() {
         object.shift_remove("uri");
         object.insert("byteLength".into(), length.into());
@@ -171,9 +179,8 @@ fn files_outside(asset: &Asset, document: &Document, notes: &mut Vec<String>) ->
     let directory = asset.path.parent().unwrap_or(Path::new(""));
     let is_file = |image: &Value| image.get("uri").and_then(Value::as_str).is_some_and(|uri| !uri.starts_with("data:"));
     let images_left = document.array("images").iter().any(is_file);
-    let is_needed = |pointer: &str| {
-        !pointer.starts_with("/buffers/") && (!pointer.starts_with("/images/") || images_left)
-    };
+    let is_needed =
+        |pointer: &str| !pointer.starts_with("/buffers/") && (!pointer.starts_with("/images/") || images_left);
     let mut files = Vec::new();
     for resource in asset.resources.iter().filter(|r| r.exists && is_needed(&r.pointer)) {
         notes.push(format!("{}: {} stays a file of its own", resource.pointer, resource.relative.display()));

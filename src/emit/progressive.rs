@@ -103,9 +103,8 @@ fn names_buffer(value: &Value) -> bool {
 
 /// Buffer views that nothing but triangles of `meshes` uses.
 fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<usize> {
-    let is_triangles = |primitive: &Value| {
-        primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode))
-    };
+    let is_triangles =
+        |primitive: &Value| primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode));
     let (finest, shared) =
         accessors_by_user(document, |mesh, _, primitive| meshes.contains(&mesh) && is_triangles(primitive));
     let mut finest_views = BTreeSet::new();

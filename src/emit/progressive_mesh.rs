@@ -1,5 +1,6 @@
 //! `GLTFLOD_mesh_progressive` out: bases and records into a file, and levels made of them back into plain meshes.
 
+use super::Output;
 use super::accessors::{EncodedLevel, encode_in_order, encode_level};
 use super::bundle::{Load, bundle};
 use super::primitives::find_bound_extension;
@@ -7,7 +8,6 @@ use super::replace::{Replacement, replace_triangles};
 use super::rows::{
     RowChannel, empty_state, groups_without_faces, node_rows, row, source_channels, stored_channels, to_mesh,
 };
-use super::Output;
 use crate::asset::{Asset, Geometry, Limits, PROGRESSIVE, Progressive};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
@@ -144,7 +144,8 @@ pub(crate) fn write_progressive(asset: &Asset, meshes: &[ProgressiveMesh], name:
 
 /// All meshes become finer together: the chunks after which there are fewer halvings to go come later.
 fn by_fineness(meshes: &[ProgressiveMesh]) -> Vec<(usize, &Chunk)> {
-    let mut chunks: Vec<_> = meshes.iter().enumerate().flat_map(|(i, m)| m.chunks.iter().map(move |c| (i, c))).collect();
+    let mut chunks: Vec<_> =
+        meshes.iter().enumerate().flat_map(|(i, m)| m.chunks.iter().map(move |c| (i, c))).collect();
     chunks.sort_by_key(|(_, chunk)| std::cmp::Reverse(chunk.halvings));
     chunks
 }
@@ -231,12 +232,17 @@ impl<'a> Refining<'a> {
             let (bytes, records) = self.done;
             match end.stop {
                 Stop::Target => return Ok(false),
-                Stop::Malformed(what) => return wrong(format!("record {records}, at byte {bytes} of the chunk: {what}")),
+                Stop::Malformed(what) => {
+                    return wrong(format!("record {records}, at byte {bytes} of the chunk: {what}"));
+                }
                 Stop::Truncated | Stop::Bytes if self.ends_early && records < chunk.records => return Ok(true),
                 Stop::Truncated => return wrong(format!("the bytes end inside record {records} of {}", chunk.records)),
                 Stop::Bytes if (records, self.state.faces().len()) != (chunk.records, chunk.triangles) => {
                     let found = format!("{records} records up to {} triangles", self.state.faces().len());
-                    return wrong(format!("{} records up to {} triangles are promised, there are {found}", chunk.records, chunk.triangles));
+                    return wrong(format!(
+                        "{} records up to {} triangles are promised, there are {found}",
+                        chunk.records, chunk.triangles
+                    ));
                 }
                 Stop::Bytes => (self.next, self.done) = (self.next + 1, (0, 0)),
             }
@@ -261,7 +267,8 @@ pub(crate) fn write_rebuilt(asset: &Asset, meshes: &[Refining<'_>], name: PathBu
         released.extend(mesh.progressive.chunks.iter().map(|chunk| chunk.view));
     }
     document.remove_extension_used(PROGRESSIVE);
-    let replacements: Vec<_> = meshes.iter().zip(&levels).map(|(m, level)| Replacement { mesh: m.mesh, level }).collect();
+    let replacements: Vec<_> =
+        meshes.iter().zip(&levels).map(|(m, level)| Replacement { mesh: m.mesh, level }).collect();
     let views = replace_triangles(&mut document, &replacements, released);
     let levels: Vec<_> = levels.iter().collect();
     bundle(asset, document, &views, &Load { levels: &levels, tail: Vec::new() }, name)

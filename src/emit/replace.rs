@@ -69,7 +69,8 @@ impl Slots {
         let accessors = &replacement.level.accessors;
         for draft in &replacement.level.primitives {
             let place = format!("/meshes/{}/primitives/{}", replacement.mesh, draft.source);
-            let attributes = draft.attributes.iter().map(|(name, a)| (format!("{place}/attributes"), name.as_str(), *a));
+            let attributes =
+                draft.attributes.iter().map(|(name, a)| (format!("{place}/attributes"), name.as_str(), *a));
             let targets = draft.targets.iter().enumerate().flat_map(|(t, list)| {
                 let place = format!("{place}/targets/{t}");
                 list.iter().map(move |(name, a)| (place.clone(), name.as_str(), *a))

@@ -53,12 +53,7 @@ pub(super) fn source_channels(geometry: &Geometry, steps: &Steps) -> Vec<Vec<Row
 
 fn channel(geometry: &Geometry, target: Option<usize>, layout: &AttributeLayout, step: Option<i8>) -> RowChannel {
     let storage = level_storage(geometry, target, layout);
-    RowChannel {
-        target,
-        layout: layout.clone(),
-        storage,
-        step: step.filter(|_| storage.component == Component::F32),
-    }
+    RowChannel { target, layout: layout.clone(), storage, step: step.filter(|_| storage.component == Component::F32) }
 }
 
 /// The rows of each group as the extension lists them.
@@ -73,7 +68,9 @@ pub(super) fn stored_channels(geometry: &Geometry, progressive: &Progressive) ->
     let channels = groups.map(|(p, g)| group_channels(geometry, p, g)).collect::<Result<Vec<_>>>()?;
     let position = |group: &Vec<RowChannel>| group.first().map(|c| (c.layout.channel, c.number()));
     match channels.iter().zip(&progressive.groups).find(|(c, _)| position(c) != position(&channels[0])) {
-        Some((_, group)) => Err(Error::malformed(&group.place, "positions are coded otherwise than in the first primitive")),
+        Some((_, group)) => {
+            Err(Error::malformed(&group.place, "positions are coded otherwise than in the first primitive"))
+        }
         None => Ok(channels),
     }
 }
@@ -91,9 +88,13 @@ fn group_channels(
         let listed = listed.map_or(&[][..], Vec::as_slice);
         let mut names: Vec<&str> = layouts.iter().map(|l| l.name.as_str()).collect();
         for attribute in listed {
-            let layout = layouts.iter().find(|l| l.name == attribute.name).filter(|_| names.contains(&attribute.name.as_str()));
+            let layout =
+                layouts.iter().find(|l| l.name == attribute.name).filter(|_| names.contains(&attribute.name.as_str()));
             let Some(layout) = layout else {
-                let message = format!("{} is listed, but the primitive has no such attribute (or it is listed twice)", attribute.name);
+                let message = format!(
+                    "{} is listed, but the primitive has no such attribute (or it is listed twice)",
+                    attribute.name
+                );
                 return Err(Error::malformed(&group.place, message));
             };
             names.retain(|name| *name != attribute.name);
@@ -123,13 +124,35 @@ pub(super) fn node_rows(geometry: &Geometry, channels: &[Vec<RowChannel>], log: 
     let group_of = |v: u32| geometry.primitives.partition_point(|p| p.vertices.end <= v);
     for &v in &log.sources {
         let group = group_of(v);
-        nodes.add_vertex(group as u32, &row(&geometry.mesh, &channels[group], v));
+        let mut row = row(&geometry.mesh, &channels[group], v);
+        settle_weights(&mut row, &channels[group]);
+        nodes.add_vertex(group as u32, &row);
     }
     for (v, &group) in (0..).zip(&log.made_groups) {
         step_weights(&mut log.made, &channels[group as usize], v);
         nodes.add_vertex(group, &row(&log.made, &channels[group as usize], v));
     }
     nodes
+}
+
+/// Makes weights that are integers sum to 1 exactly: those of a file that are off come out of [`Asset::geometry`](crate::asset::Asset::geometry)
+/// scaled, and would be scaled anew whenever they are read.
+fn settle_weights(row: &mut [i32], channels: &[RowChannel]) {
+    let (mut places, mut start) = (Vec::new(), 0);
+    for channel in channels {
+        if matches!(channel.layout.channel, Channel::Weights(_)) && channel.number() == Number::Integer {
+            places.extend((start..start + channel.width()).map(|at| (at, channel.storage)));
+        }
+        start += channel.width();
+    }
+    let Some(&(_, storage)) = places.first() else { return };
+    let steps = storage.encode(1.0) as u32;
+    let sum: i64 = places.iter().map(|&(at, _)| i64::from(row[at])).sum();
+    if sum != i64::from(steps) && places.iter().all(|(_, other)| *other == storage) {
+        let mut weights: Vec<f32> = places.iter().map(|&(at, _)| from_raw(storage, row[at])).collect();
+        normalize_weights(&mut weights, Some(steps));
+        places.iter().zip(weights).for_each(|(&(at, _), weight)| row[at] = to_raw(storage, weight));
+    }
 }
 
 /// Rounds the weights of a made vertex to steps.
@@ -168,7 +191,12 @@ pub(super) fn row(mesh: &Mesh, channels: &[RowChannel], v: u32) -> Vec<i32> {
 
 /// The vertices and faces of `state` as a mesh that is stored as `geometry` says. A group without faces gets one without area, of a copy of
 /// its row in `stand_ins`: a glTF primitive cannot be empty.
-pub(super) fn to_mesh(state: &State, geometry: &Geometry, channels: &[Vec<RowChannel>], stand_ins: &[Vec<i32>]) -> Mesh {
+pub(super) fn to_mesh(
+    state: &State,
+    geometry: &Geometry,
+    channels: &[Vec<RowChannel>],
+    stand_ins: &[Vec<i32>],
+) -> Mesh {
     let source = &geometry.mesh;
     let attributes = source.attributes.iter().map(|a| Attribute { values: Vec::new(), ..a.clone() }).collect();
     let skin = source.skin.as_ref().map(|s| Skin { influences: s.influences, ..Skin::default() });

@@ -208,7 +208,12 @@ fn write_rows(state: &State, record: &Record, bytes: &mut Vec<u8>) -> (Vec<Made>
                 residuals.write(layout[i].residual(exact, predicted, record.rows[start + i]), bytes);
             }
             ends.learn(end, start);
-            made.push(Made { id: child_id(split.vertex, child, &mut next), group, start, origin: Some((index, child)) });
+            made.push(Made {
+                id: child_id(split.vertex, child, &mut next),
+                group,
+                start,
+                origin: Some((index, child)),
+            });
             start += layout.len();
         }
     }
@@ -241,7 +246,11 @@ fn read_rows(
     reader: &mut Reader,
 ) -> Result<Vec<Made>, Fault> {
     let check_room = |record: &Record| {
-        if record.rows.len() <= room { Ok(()) } else { Err(Fault::Malformed("more vertices than the limit on memory allows")) }
+        if record.rows.len() <= room {
+            Ok(())
+        } else {
+            Err(Fault::Malformed("more vertices than the limit on memory allows"))
+        }
     };
     let (mut made, mut ends, mut residuals) = (Vec::new(), Ends::default(), Residuals::default());
     let mut next = state.vertex_count() as u32;
@@ -261,7 +270,12 @@ fn read_rows(
             }
             check_room(record)?;
             ends.learn(end, start);
-            made.push(Made { id: child_id(split.vertex, child, &mut next), group, start, origin: Some((index, child)) });
+            made.push(Made {
+                id: child_id(split.vertex, child, &mut next),
+                group,
+                start,
+                origin: Some((index, child)),
+            });
         }
     }
     residuals.check_end()?;

@@ -38,7 +38,15 @@ impl Reducer {
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
         };
         let locked = constraints.lock_points(surface.points.len(), &edges);
-        Self { surface, cost, refusals: Refusals::default(), log: None, constraints, locked, solution: Solution::default() }
+        Self {
+            surface,
+            cost,
+            refusals: Refusals::default(),
+            log: None,
+            constraints,
+            locked,
+            solution: Solution::default(),
+        }
     }
 
     /// All edges as they are now, known to the cost.
