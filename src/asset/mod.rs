@@ -132,7 +132,15 @@ impl Asset {
     /// # Errors
     /// Bad data inside the accessors: an index out of range, a position that is not finite.
     pub fn geometry(&self, index: usize, limits: &Limits) -> Result<Geometry> {
-        geometry::read(self, index, limits).map_err(|error| error.in_file(&self.path))
+        geometry::read(self, index, true, limits).map_err(|error| error.in_file(&self.path))
+    }
+
+    /// As [`Asset::geometry`], but with joints and weights as the file has them: weights may sum to anything.
+    ///
+    /// # Errors
+    /// As [`Asset::geometry`].
+    pub fn stored_geometry(&self, index: usize, limits: &Limits) -> Result<Geometry> {
+        geometry::read(self, index, false, limits).map_err(|error| error.in_file(&self.path))
     }
 
     /// Nodes, their transforms, what animates them and what draws which mesh.

@@ -61,7 +61,7 @@ pub(crate) fn find_obstacle(asset: &Asset, index: usize, geometry: &Geometry) ->
     bound.map(|name| format!("{name} names the source's own triangles"))
 }
 
-/// Encodes what `log` saw of the mesh on the way to `surface`, which has a face left.
+/// Encodes what `log` saw of the mesh on the way to `surface`, which has a face left. `geometry` is the mesh as it is stored.
 pub(crate) fn encode_progressive(mesh: usize, geometry: &Geometry, mut log: Log, surface: &Surface) -> ProgressiveMesh {
     let channels = source_channels(geometry, &Steps::of(&geometry.mesh));
     let nodes = node_rows(geometry, &channels, &mut log);
@@ -175,7 +175,7 @@ impl<'a> Refining<'a> {
     /// What is wrong with its geometry or with the extension, and where.
     pub fn open(asset: &'a Asset, index: usize, limits: &Limits, ends_early: bool) -> Result<Option<Self>> {
         let Some(progressive) = asset.progressive(index)? else { return Ok(None) };
-        let geometry = asset.geometry(index, limits)?;
+        let geometry = asset.stored_geometry(index, limits)?;
         let channels = stored_channels(&geometry, &progressive).map_err(|error| error.in_file(&asset.path))?;
         let stand_ins = stand_ins(&geometry, &channels);
         let mut state = empty_state(&channels);

@@ -124,35 +124,13 @@ pub(super) fn node_rows(geometry: &Geometry, channels: &[Vec<RowChannel>], log: 
     let group_of = |v: u32| geometry.primitives.partition_point(|p| p.vertices.end <= v);
     for &v in &log.sources {
         let group = group_of(v);
-        let mut row = row(&geometry.mesh, &channels[group], v);
-        settle_weights(&mut row, &channels[group]);
-        nodes.add_vertex(group as u32, &row);
+        nodes.add_vertex(group as u32, &row(&geometry.mesh, &channels[group], v));
     }
     for (v, &group) in (0..).zip(&log.made_groups) {
         step_weights(&mut log.made, &channels[group as usize], v);
         nodes.add_vertex(group, &row(&log.made, &channels[group as usize], v));
     }
     nodes
-}
-
-/// Makes weights that are integers sum to 1 exactly: those of a file that are off come out of [`Asset::geometry`](crate::asset::Asset::geometry)
-/// scaled, and would be scaled anew whenever they are read.
-fn settle_weights(row: &mut [i32], channels: &[RowChannel]) {
-    let (mut places, mut start) = (Vec::new(), 0);
-    for channel in channels {
-        if matches!(channel.layout.channel, Channel::Weights(_)) && channel.number() == Number::Integer {
-            places.extend((start..start + channel.width()).map(|at| (at, channel.storage)));
-        }
-        start += channel.width();
-    }
-    let Some(&(_, storage)) = places.first() else { return };
-    let steps = storage.encode(1.0) as u32;
-    let sum: i64 = places.iter().map(|&(at, _)| i64::from(row[at])).sum();
-    if sum != i64::from(steps) && places.iter().all(|(_, other)| *other == storage) {
-        let mut weights: Vec<f32> = places.iter().map(|&(at, _)| from_raw(storage, row[at])).collect();
-        normalize_weights(&mut weights, Some(steps));
-        places.iter().zip(weights).for_each(|(&(at, _), weight)| row[at] = to_raw(storage, weight));
-    }
 }
 
 /// Rounds the weights of a made vertex to steps.

@@ -130,7 +130,7 @@ impl Task<'_> {
     fn make(&self, mesh: usize) -> Result<(ProgressiveMeshReport, Option<ProgressiveMesh>)> {
         let names = Names::of(self.asset, &self.asset.scene(), mesh);
         let settings = self.presets.settings(&names.borrow())?;
-        let geometry = self.asset.geometry(mesh, &self.options.limits)?;
+        let mut geometry = self.asset.geometry(mesh, &self.options.limits)?;
         let triangles = geometry.mesh.triangles.len();
         let mut report = ProgressiveMeshReport { mesh, name: names.mesh.clone(), triangles, ..Default::default() };
         let skip = settings.skip.as_ref().map(|reason| format!("skipped by the preset: {reason}"));
@@ -144,14 +144,18 @@ impl Task<'_> {
             report.skipped = Some("nothing of it can collapse".to_owned());
             return Ok((report, None));
         }
+        report.source_bytes = emit::count_bytes(&geometry.mesh, &geometry);
+        report.chain_bytes = count_chain_bytes(&geometry, &settings.simplify)?;
+        if geometry.mesh.skin.is_some() {
+            // What was put right for the simplifier is put back: the full mesh is the file's own.
+            geometry.mesh.skin = self.asset.stored_geometry(mesh, &self.options.limits)?.mesh.skin;
+        }
         let made = emit::encode_progressive(mesh, &geometry, log, &surface);
         drop(surface);
         report.base_triangles = made.size.base_triangles;
         report.records = made.size.records;
         report.base_bytes = made.size.base_bytes;
         report.record_bytes = made.size.record_bytes;
-        report.source_bytes = emit::count_bytes(&geometry.mesh, &geometry);
-        report.chain_bytes = count_chain_bytes(&geometry, &settings.simplify)?;
         Ok((report, Some(made)))
     }
 }
