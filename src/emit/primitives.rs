@@ -1,7 +1,7 @@
 //! The JSON of level meshes: what their primitives take over from the source's, and what must stay behind.
 
 use super::accessors::{EncodedLevel, PrimitiveDraft};
-use crate::asset::{Geometry, PassedOver};
+use crate::asset::{Geometry, PROGRESSIVE, PassedOver};
 use serde_json::{Map, Value, json};
 
 /// Extensions that promise something about the vertices, the triangle order or the closedness of the primitive they
@@ -13,6 +13,7 @@ const BOUND_TO_SOURCE_TRIANGLES: &[&str] = &[
     "EXT_mesh_primitive_restart",
     "EXT_meshopt_compression",
     "FB_ngon_encoding",
+    PROGRESSIVE,
     "KHR_draco_mesh_compression",
     "KHR_meshopt_compression",
     "NV_displacement_micromap",

@@ -213,14 +213,15 @@ fn soup() -> impl Strategy<Value = Mesh> {
     let faces = prop::collection::vec((prop::array::uniform3(0u32..12), 0u32..2), 1..60);
     let points = prop::collection::vec(prop::array::uniform3(-4i8..4), 12);
     (faces, points).prop_map(|(faces, points)| {
-        let mut mesh = Mesh::default();
-        // A copy of the points for each group.
-        mesh.positions = [&points[..], &points].concat().into_iter().map(|p| p.map(f32::from)).collect();
-        mesh.triangles = faces.iter().map(|(t, group)| t.map(|v| v + 12 * group)).collect();
-        mesh.groups = faces.iter().map(|f| f.1).collect();
         let values = (0..24).map(|v| (v % 12 / 3) as f32).collect();
-        mesh.attributes = vec![Attribute { semantic: Semantic::Generic, width: 1, values }];
-        mesh
+        Mesh {
+            // A copy of the points for each group.
+            positions: [&points[..], &points].concat().into_iter().map(|p| p.map(f32::from)).collect(),
+            triangles: faces.iter().map(|(t, group)| t.map(|v| v + 12 * group)).collect(),
+            groups: faces.iter().map(|f| f.1).collect(),
+            attributes: vec![Attribute { semantic: Semantic::Generic, width: 1, values }],
+            skin: None,
+        }
     })
 }
 
