@@ -8,6 +8,7 @@ mod text;
 
 pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, describe_inspection};
 pub use json::to_json;
+pub(crate) use model::name_stop;
 pub use model::{
     BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
     Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
@@ -16,3 +17,4 @@ pub use progressive::{
     ProgressiveMeshReport, ProgressiveReport, RebuildReport, RebuiltMeshReport, describe_progressive, describe_rebuild,
 };
 pub use text::{Detail, describe_comparison, describe_file, describe_run};
+pub(crate) use text::{add_row, count, indent, significant, start_table};

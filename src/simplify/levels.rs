@@ -5,10 +5,8 @@ use super::options::{Algorithm, Effort, Mode, Options, Schedule, Target};
 use super::reducer::Reducer;
 use super::split::{faces_added, long_edges, split_at_midpoints, split_at_source};
 use super::{Chain, Level, Refusals, Stop, passes, queue};
-use crate::error::{Error, Kind, Result};
+use crate::error::Result;
 use crate::mesh::Mesh;
-use crate::mesh::surface::Surface;
-use crate::progressive::Log;
 
 /// Share of a level's triangles that the split pass may place anew.
 const SPLIT_SHARE: f64 = 0.03;
@@ -47,27 +45,22 @@ const ERROR_STEP: f64 = 0.93;
 /// ```
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
-    let mut chain = Builder { mesh, options, reducer: Reducer::new(mesh, options), deviation: None };
+    let mut chain = Builder {
+        mesh,
+        options,
+        reducer: Reducer::new(mesh, options),
+        workspace: passes::Workspace::default(),
+        deviation: None,
+    };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
-}
-
-/// Collapses in strict order down to `triangles`, or as far as it goes, and keeps what it takes to go back.
-pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result<(Log, Surface)> {
-    mesh.validate()?;
-    let options = &Options { schedule: Schedule::Queue, ..options.clone() };
-    let mut chain = Builder { mesh, options, reducer: Reducer::new(mesh, options), deviation: None };
-    chain.reducer.log = Some(Log::new(mesh, &chain.reducer.surface));
-    chain.reduce(triangles.max(options.min_triangles));
-    let Reducer { log, surface, .. } = chain.reducer;
-    let missing = || Error::new(Kind::Internal, "a run lost its log");
-    Ok((log.ok_or_else(missing)?.finished(), surface))
 }
 
 struct Builder<'a> {
     mesh: &'a Mesh,
     options: &'a Options,
     reducer: Reducer,
+    workspace: passes::Workspace,
     /// Built when first asked for.
     deviation: Option<Deviation>,
 }
@@ -88,13 +81,12 @@ impl Builder<'_> {
     }
 
     fn reduce(&mut self, triangles: usize) -> Stop {
-        let step = match self.options.schedule {
-            Schedule::Passes => passes::run_pass,
-            Schedule::Queue => queue::drain,
-        };
         while self.reducer.surface.face_count() > triangles {
             let before = self.reducer.surface.face_count();
-            step(&mut self.reducer, triangles);
+            match self.options.schedule {
+                Schedule::Passes => passes::run_pass(&mut self.reducer, &mut self.workspace, triangles),
+                Schedule::Queue => queue::drain(&mut self.reducer, triangles),
+            }
             if self.reducer.surface.face_count() == before {
                 return Stop::Stuck;
             }

@@ -9,15 +9,16 @@ mod levels;
 mod options;
 mod paper;
 mod passes;
+mod placement;
 mod prune;
 mod quadric;
 mod queue;
 mod reducer;
 mod split;
 
-pub(crate) use levels::record;
 pub use levels::simplify;
 pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
+pub(crate) use queue::record;
 
 use crate::mesh::Mesh;
 

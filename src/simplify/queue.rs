@@ -1,10 +1,28 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
-use super::cost::Rank;
+use super::options::Options;
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
+use crate::error::{Error, Kind, Result};
+use crate::mesh::Mesh;
+use crate::mesh::surface::Surface;
+use crate::progressive::Log;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+
+/// A cost as a key for sorting: costs are never negative, so their bits order as they do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Rank(u64);
+
+impl Rank {
+    fn of(cost: f64) -> Self {
+        Self(cost.max(0.0).to_bits())
+    }
+
+    fn cost(self) -> f64 {
+        f64::from_bits(self.0)
+    }
+}
 
 /// A collapse in the queue. Entries are never changed: one whose `version` is old is skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,11 +42,13 @@ struct Queue {
 
 impl Queue {
     fn fill(reducer: &mut Reducer) -> Self {
-        let edges = reducer.refresh();
-        reducer.count_locked(&edges);
-        let mut queue =
-            Self { heap: BinaryHeap::with_capacity(edges.len()), versions: vec![0; reducer.surface.points.len()] };
-        for e in &edges {
+        reducer.refresh();
+        reducer.count_locked();
+        let mut queue = Self {
+            heap: BinaryHeap::with_capacity(reducer.edges.len()),
+            versions: vec![0; reducer.surface.points.len()],
+        };
+        for e in &reducer.edges {
             queue.push(reducer, e.a, e.b);
         }
         queue
@@ -50,20 +70,20 @@ impl Queue {
 /// Collapses until `target` faces (± 1) or the end of the queue. Refused edges come back when something next to them changes.
 pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
-    let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
+    let mut pieces = reducer.pieces().into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
     while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
         let Some(Reverse(entry)) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            remove_piece(reducer, &piece, left, &mut touched);
+            remove_piece(reducer, &piece, left, &touched);
             continue;
         };
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
         if let Some(piece) = pieces.next_if(|p| p.cost <= entry.rank.cost()) {
-            remove_piece(reducer, &piece, left, &mut touched);
+            remove_piece(reducer, &piece, left, &touched);
             queue.heap.push(Reverse(entry));
             continue;
         }
@@ -80,11 +100,30 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
     }
 }
 
-fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &mut [bool]) {
-    if let Some(log) = reducer.log.as_mut().filter(|_| prune::may_remove(&reducer.surface, piece, most, touched)) {
+/// Collapses down to `triangles`, or as far as it goes, and keeps what it takes to go back. Gives what is left, too.
+///
+/// # Errors
+/// As [`simplify`](super::simplify).
+pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result<(Log, Surface)> {
+    mesh.validate()?;
+    let mut reducer = Reducer::new(mesh, options);
+    reducer.log = Some(Log::new(mesh, &reducer.surface));
+    let least = triangles.max(options.min_triangles);
+    let mut before = usize::MAX;
+    while reducer.surface.face_count() > least && reducer.surface.face_count() < before {
+        before = reducer.surface.face_count();
+        drain(&mut reducer, least);
+    }
+    let lost = || Error::new(Kind::Internal, "a run has lost its log");
+    Ok((reducer.log.ok_or_else(lost)?.finished(), reducer.surface))
+}
+
+fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &[bool]) {
+    let fresh = |p: u32| !touched[p as usize];
+    if let Some(log) = reducer.log.as_mut().filter(|_| prune::may_remove(&reducer.surface, piece, most, fresh)) {
         log.remove(&reducer.surface, &piece.faces);
     }
-    prune::remove(&mut reducer.surface, piece, most, touched);
+    prune::remove(&mut reducer.surface, piece, most, fresh);
 }
 
 /// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.
