@@ -8,6 +8,7 @@ use super::{Content, Output, OutputFile};
 use crate::asset::{Asset, Container, Document};
 use crate::error::{Error, Result};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -75,13 +76,10 @@ struct Moved {
 /// The bytes that old buffer views still name, in their order; those that overlap stay together.
 fn keep_live_data(asset: &Asset, document: &Document, views: &Views, load: &Load) -> (Vec<u8>, Vec<Moved>) {
     let old = asset.document.array("bufferViews").len();
-    let is_new = |index: &usize| {
-        views.free.contains(index)
-            || views.new.iter().flatten().any(|new| new == index)
-            || load.tail.iter().any(|(new, _)| new == index)
-    };
+    let new = views.new.iter().flatten().chain(&views.free).chain(load.tail.iter().map(|(view, _)| view));
+    let new: BTreeSet<&usize> = new.collect();
     let mut ranges: Vec<(usize, Range<usize>, String)> = Vec::new();
-    for index in (0..old).filter(|index| !is_new(index)) {
+    for index in (0..old).filter(|index| !new.contains(index)) {
         for (place, object) in ranges_of_view(index, &document.array("bufferViews")[index]) {
             let number = |member: &str| object.get(member).and_then(Value::as_u64).unwrap_or(0) as usize;
             let (buffer, start) = (number("buffer"), number("byteOffset"));

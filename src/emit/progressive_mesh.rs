@@ -6,9 +6,9 @@ use super::bundle::{Load, bundle};
 use super::primitives::find_bound_extension;
 use super::replace::{Replacement, replace_triangles};
 use super::rows::{
-    RowChannel, empty_state, groups_without_faces, node_rows, row, source_channels, stored_channels, to_mesh,
+    RowChannel, empty_state, groups_without_faces, node_rows, row, row_width, source_channels, stored_channels, to_mesh,
 };
-use crate::asset::{Asset, Geometry, Limits, PROGRESSIVE, Progressive};
+use crate::asset::{Asset, Geometry, Limits, PROGRESSIVE, PrimitiveLayout, Progressive};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::mesh::surface::Surface;
@@ -88,14 +88,17 @@ pub(crate) fn encode_progressive(mesh: usize, geometry: &Geometry, mut log: Log,
     ProgressiveMesh { mesh, base, chunks: encoded.chunks, payload, size }
 }
 
-/// A row for each group from its own vertices.
+/// A row for each group from its own vertices; zeros for a strip that makes no triangle.
 fn stand_ins(geometry: &Geometry, channels: &[Vec<RowChannel>]) -> Vec<Vec<i32>> {
-    let first = geometry.primitives.iter().zip(channels);
-    first.map(|(primitive, channels)| row(&geometry.mesh, channels, primitive.vertices.start)).collect()
+    let first = |(primitive, channels): (&PrimitiveLayout, &Vec<RowChannel>)| match primitive.vertices.is_empty() {
+        true => vec![0; row_width(channels)],
+        false => row(&geometry.mesh, channels, primitive.vertices.start),
+    };
+    geometry.primitives.iter().zip(channels).map(first).collect()
 }
 
 fn describe_groups(geometry: &Geometry, channels: &[Vec<RowChannel>], empty: &[u32]) -> Vec<Value> {
-    let describe = |(group, (primitive, channels)): (u32, (&crate::asset::PrimitiveLayout, &Vec<RowChannel>))| {
+    let describe = |(group, (primitive, channels)): (u32, (&PrimitiveLayout, &Vec<RowChannel>))| {
         let attribute = |channel: &RowChannel| match channel.step {
             Some(step) => json!({ "name": channel.layout.name, "step": step }),
             None => json!({ "name": channel.layout.name }),

@@ -143,6 +143,11 @@ fn step_weights(mesh: &mut Mesh, channels: &[RowChannel], v: u32) {
     joints.filter(|(_, weight)| **weight == 0.0).for_each(|(joint, _)| *joint = 0);
 }
 
+/// Numbers of a row.
+pub(super) fn row_width(channels: &[RowChannel]) -> usize {
+    channels.iter().map(RowChannel::width).sum()
+}
+
 /// The stored numbers of vertex `v`.
 pub(super) fn row(mesh: &Mesh, channels: &[RowChannel], v: u32) -> Vec<i32> {
     let mut row = Vec::new();

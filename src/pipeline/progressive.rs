@@ -2,7 +2,7 @@
 
 use super::mesh::Names;
 use super::{blame_preset, run_on_threads};
-use crate::asset::{Asset, Geometry, Limits};
+use crate::asset::{Asset, Geometry, Limits, Scene};
 use crate::discover::{is_asset, resolve};
 use crate::emit::{self, Content, Output, ProgressiveMesh, Refining};
 use crate::error::{Error, Kind, Result};
@@ -58,7 +58,8 @@ pub fn progressive(options: &ProgressiveOptions) -> Result<ProgressiveReport> {
     let presets = Presets::new(&options.flags).and_then(|presets| presets.for_asset(root, &options.input));
     let presets = presets.map_err(blame_preset)?;
     let asset = Asset::read(&options.input, root, &options.limits)?;
-    let task = Task { asset: &asset, presets: &presets, options };
+    let scene = asset.scene();
+    let task = Task { asset: &asset, scene: &scene, presets: &presets, options };
     let made = run_on_threads(options.jobs, || {
         let meshes = 0..asset.document.array("meshes").len();
         meshes.into_par_iter().map(|mesh| task.make(mesh)).collect::<Result<Vec<_>>>()
@@ -122,13 +123,14 @@ fn parent_of(file: &Path) -> &Path {
 /// What all meshes of an asset share.
 struct Task<'a> {
     asset: &'a Asset,
+    scene: &'a Scene,
     presets: &'a AssetPresets,
     options: &'a ProgressiveOptions,
 }
 
 impl Task<'_> {
     fn make(&self, mesh: usize) -> Result<(ProgressiveMeshReport, Option<ProgressiveMesh>)> {
-        let names = Names::of(self.asset, &self.asset.scene(), mesh);
+        let names = Names::of(self.asset, self.scene, mesh);
         let settings = self.presets.settings(&names.borrow())?;
         let mut geometry = self.asset.geometry(mesh, &self.options.limits)?;
         let triangles = geometry.mesh.triangles.len();

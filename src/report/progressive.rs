@@ -6,7 +6,6 @@ use std::fmt::Write;
 
 /// A file written with progressive meshes.
 #[derive(Debug, Clone, Serialize)]
-#[serde(rename_all = "camelCase")]
 pub struct ProgressiveReport {
     /// The file written.
     pub file: String,
@@ -24,7 +23,6 @@ pub struct ProgressiveReport {
 
 /// A mesh of a file written with progressive meshes. Bytes are those of geometry alone, in the source's component types.
 #[derive(Debug, Clone, Default, Serialize)]
-#[serde(rename_all = "camelCase")]
 pub struct ProgressiveMeshReport {
     /// Index into `meshes`.
     pub mesh: usize,
@@ -50,7 +48,6 @@ pub struct ProgressiveMeshReport {
 
 /// A file rebuilt from progressive meshes.
 #[derive(Debug, Clone, Serialize)]
-#[serde(rename_all = "camelCase")]
 pub struct RebuildReport {
     /// The file written.
     pub file: String,
@@ -66,7 +63,6 @@ pub struct RebuildReport {
 
 /// A mesh rebuilt from its base and records.
 #[derive(Debug, Clone, Serialize)]
-#[serde(rename_all = "camelCase")]
 pub struct RebuiltMeshReport {
     /// Index into `meshes`.
     pub mesh: usize,
