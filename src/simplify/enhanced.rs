@@ -14,7 +14,6 @@ use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, find_edge};
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -28,7 +27,7 @@ pub(crate) struct Enhanced {
     apexes: Vec<Apex>,
     /// Points at edges that have planes of their own.
     ridged: Vec<bool>,
-    /// The faces when the pass began.
+    /// Of each face.
     facets: Vec<Facet>,
     metric: Metric,
 }
@@ -43,7 +42,7 @@ impl Enhanced {
             apexes: curvatures.into_iter().map(|k| Apex::with_curvature(k.abs())).collect(),
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
-            metric: Metric::default(),
+            metric: Metric::new(surface, &options.attribute_weights),
         }
     }
 
@@ -73,9 +72,9 @@ impl Enhanced {
             let apex = |p: u32| &self.apexes[p as usize];
             estimate(edges.each_ref().map(|e| apex(e.a)), edges.each_ref().map(|e| apex(e.b)), weight)
         };
-        let (eights, rest) = edges.as_chunks();
-        let (costs_of_eights, costs_of_rest) = costs.as_chunks_mut();
-        eights.iter().zip(costs_of_eights).for_each(|(edges, costs)| *costs = estimate(edges));
+        let (fours, rest) = edges.as_chunks();
+        let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
+        fours.iter().zip(costs_of_fours).for_each(|(edges, costs)| *costs = estimate(edges));
         if let Some(&last) = rest.last() {
             let filled = std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last));
             costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
@@ -86,8 +85,12 @@ impl Enhanced {
             candidate.map_or(UNRANKED, |c| c.cost as f32)
         };
         for (edge, cost) in edges.iter().zip(costs) {
-            if !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] || !self.metric.is_empty() {
+            if !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
                 *cost = judge(edge);
+            } else if !self.metric.is_empty() {
+                let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
+                let attributes = self.metric.deviation(surface, edge.a, edge.b, middle);
+                *cost += (attributes * self.subject(surface, [edge.a, edge.b], None).factor(weight)) as f32;
             }
         }
     }
@@ -109,7 +112,7 @@ impl Cost for Enhanced {
         for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
             self.add_edge(surface, edge, &[edge.a, edge.b]);
         }
-        self.metric = Metric::new(surface, &self.options.attribute_weights);
+        self.metric.refresh(surface);
     }
 
     fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
@@ -122,33 +125,42 @@ impl Cost for Enhanced {
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
         let shared = surface.ring(a).iter().filter(at_both);
-        let shared = shared.map(|&c| Facet::of(surface.triangle(Surface::face_of(c))).area_vector()).sum();
+        let shared = shared.map(|&c| self.facets[Surface::face_of(c)].area_vector()).sum();
         let start = surface.points[a as usize];
         let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
         let place = subject.place(shared, |offset| self.room.contains(start + offset));
         let position = fixed.unwrap_or(start + place.offset);
         let mut error = place.error;
         if !self.metric.is_empty() {
-            error += self.metric.deviation(surface, &Merge::new(surface, a, b), position);
+            error += self.metric.deviation(surface, a, b, position);
         }
         let cost = error * subject.factor(self.options.curvature_weight);
         cost.is_finite().then_some(Candidate { cost, position })
+    }
+
+    fn metric(&self) -> &Metric {
+        &self.metric
     }
 
     fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
         area * distance_squared
     }
 
-    fn merged(&mut self, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        for &corner in surface.ring(kept) {
+            let face = Surface::face_of(corner);
+            self.facets[face] = Facet::of(surface.triangle(face));
+        }
         self.ridged[kept as usize] |= self.ridged[gone as usize];
-        let gone = self.apexes[gone as usize].curvature;
-        let kept = &mut self.apexes[kept as usize].curvature;
+        let gone = self.apexes[gone as usize].curvature();
+        let kept = self.apexes[kept as usize].curvature_mut();
         *kept = 0.5 * (*kept + gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        let faces = surface.ring(point).iter().map(|&c| Facet::of(surface.triangle(Surface::face_of(c))));
+        let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
+        self.metric.update(surface, point);
         if !self.ridged[point as usize] {
             return;
         }

@@ -11,7 +11,7 @@ use std::collections::BinaryHeap;
 use std::mem::take;
 
 /// Share of all faces that a pass may take at least: small steps do not pay for the ranking of all edges.
-const LEAST_SHARE: f64 = 0.2;
+const LEAST_SHARE: f64 = 0.3;
 /// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
 const COST_SLACK: f32 = 3.0;
 

@@ -11,7 +11,7 @@ use super::prune::{Piece, are_there_pieces, pieces};
 use crate::attributes::Solution;
 use crate::curvature::border_points;
 use crate::mesh::Mesh;
-use crate::mesh::edges::{Edge, Irregular, collect_edges, recollect_edges};
+use crate::mesh::edges::{Edge, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::progressive::Log;
@@ -43,7 +43,9 @@ impl Reducer {
     /// Starts from a valid mesh.
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
         let surface = Surface::new(mesh);
-        let edges = collect_edges(&surface);
+        let irregular = Irregular::find(&surface);
+        let mut edges = Vec::new();
+        recollect_edges(&surface, &irregular, &mut edges);
         let constraints = Constraints::new(options);
         let cost: Box<dyn Cost> = match options.algorithm {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
@@ -58,7 +60,7 @@ impl Reducer {
             constraints,
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
-            irregular: Irregular::of(&surface, &edges),
+            irregular,
             has_pieces: are_there_pieces(&surface),
             edges,
             surface,
@@ -126,7 +128,7 @@ impl Reducer {
         if !self.surface.wedges.is_plain() {
             let t = (candidate.position - start).dot(along) / along.length_squared();
             let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
-            self.solution.solve(&self.surface, merge, candidate.position, t);
+            self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
         let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
         merge.apply(&mut self.surface, candidate.position);
@@ -139,7 +141,7 @@ impl Reducer {
         self.locked[a as usize] |= self.locked[b as usize];
         self.border[a as usize] |= self.border[b as usize];
         self.irregular.follow(&self.surface, a, b, terms.paid);
-        self.cost.merged(a, b);
+        self.cost.merged(&self.surface, a, b);
         Outcome::Done(merge.faces.len())
     }
 
