@@ -16,10 +16,14 @@ pub mod mesh;
 mod meshoptimizer;
 pub mod pipeline;
 pub mod preset;
+mod progressive;
 pub mod report;
 pub mod simplify;
 
 pub use error::{Error, Kind, Result};
-pub use pipeline::{BuildOptions, Observer, Unobserved, build, compare, inspect};
+pub use pipeline::{
+    BuildOptions, Observer, ProgressiveOptions, RebuildOptions, Unobserved, build, compare, inspect, progressive,
+    rebuild,
+};
 pub use report::Report;
 pub use simplify::simplify;

@@ -13,11 +13,12 @@ const ALLOWED: &[(&str, &[&str])] = &[
     // Attributes and simplifier are one level: the weights of attributes are options of the simplifier.
     ("attributes", &["mesh", "simplify"]),
     ("measure", &["bvh", "mesh"]),
-    ("simplify", &["attributes", "bvh", "curvature", "mesh"]),
+    ("progressive", &["mesh"]),
+    ("simplify", &["attributes", "bvh", "curvature", "mesh", "progressive"]),
     ("meshoptimizer", &["mesh"]),
     ("baseline", &["measure", "mesh", "meshoptimizer"]),
     ("asset", &["mesh", "meshoptimizer"]),
-    ("emit", &["asset", "mesh", "meshoptimizer"]),
+    ("emit", &["asset", "mesh", "meshoptimizer", "progressive"]),
     ("preset", &["emit", "simplify"]),
     ("discover", &[]),
     ("coverage", &["preset"]),
@@ -25,7 +26,19 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("bench", &["asset", "baseline", "measure", "mesh", "pipeline", "preset", "report", "simplify"]),
     (
         "pipeline",
-        &["asset", "baseline", "coverage", "discover", "emit", "measure", "mesh", "preset", "report", "simplify"],
+        &[
+            "asset",
+            "baseline",
+            "coverage",
+            "discover",
+            "emit",
+            "measure",
+            "mesh",
+            "preset",
+            "progressive",
+            "report",
+            "simplify",
+        ],
     ),
 ];
 

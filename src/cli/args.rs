@@ -62,6 +62,15 @@ pub enum Command {
     /// mean that ours is nearer.
     #[command(after_help = EXIT_CODES)]
     Compare(Compare),
+    /// Make the meshes of a file progressive: coarse at first, finer with every byte that follows
+    ///
+    /// Writes one GLB. Any viewer shows the coarse base; gltf-lod rebuild and js/gltf-lod-progressive.mjs make any resolution of it up to the
+    /// source's own triangles, from as much of the file as there is (extension GLTFLOD_mesh_progressive).
+    #[command(after_help = EXIT_CODES)]
+    Progressive(Progressive),
+    /// Make a plain file of any resolution from a progressive one
+    #[command(after_help = EXIT_CODES)]
+    Rebuild(Rebuild),
     /// Time our chains against meshoptimizer's and measure both
     ///
     /// Every mesh that `build` would make levels of: time from mesh to all levels, memory, and at equal triangle counts the distances,
@@ -120,6 +129,51 @@ pub struct Compare {
     pub json: bool,
     #[command(flatten)]
     pub run: RunArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct Progressive {
+    /// A .glb or .gltf file
+    pub file: PathBuf,
+    /// The .glb to write
+    #[arg(short, long, value_name = "OUT.glb")]
+    pub output: PathBuf,
+    /// Triangles of the base as a share of the source's
+    #[arg(long, value_name = "RATIO", default_value_t = 0.05)]
+    pub base: f64,
+    /// A preset file that goes over all gltf-lod.toml files
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// A built-in preset (see `gltf-lod presets`) or one that a preset file defines
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Algorithm that says in which order edges collapse
+    #[arg(long, value_name = "NAME")]
+    pub algorithm: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each processor]; the results are the same for any number
+    #[arg(short, long, value_name = "N", value_parser = parse_jobs)]
+    pub jobs: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub struct Rebuild {
+    /// A file that gltf-lod progressive has written, or the beginning of one
+    pub file: PathBuf,
+    /// The .glb to write
+    #[arg(short, long, value_name = "OUT.glb")]
+    pub output: PathBuf,
+    /// Triangles of all progressive meshes together [default: all there are]
+    #[arg(long, value_name = "N")]
+    pub triangles: Option<usize>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each processor]; the results are the same for any number
+    #[arg(short, long, value_name = "N", value_parser = parse_jobs)]
+    pub jobs: Option<usize>,
 }
 
 #[derive(Debug, Args)]

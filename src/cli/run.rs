@@ -1,6 +1,6 @@
 //! Commands: from arguments to library calls, output and exit code.
 
-use super::args::{Bench, Build, Cli, Command, Compare, Init, Inspect};
+use super::args::{Bench, Build, Cli, Command, Compare, Init, Inspect, Progressive, Rebuild};
 use super::instruments::Process;
 use super::progress::{Progress, write_line};
 use anyhow::Context;
@@ -8,8 +8,9 @@ use clap::Parser;
 use gltf_lod::asset::Limits;
 use gltf_lod::bench::{BenchOptions, describe_bench};
 use gltf_lod::emit::{self, Content, Output, OutputFile};
+use gltf_lod::preset::{self, Flags};
 use gltf_lod::report::{self, Detail, Outcome, Report};
-use gltf_lod::{BuildOptions, Error, Kind, preset};
+use gltf_lod::{BuildOptions, Error, Kind, ProgressiveOptions, RebuildOptions};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -29,6 +30,8 @@ pub fn run(cli: &Cli) -> ExitCode {
         Command::Build(args) => build(args),
         Command::Inspect(args) => inspect(args),
         Command::Compare(args) => compare(args),
+        Command::Progressive(args) => progressive(args),
+        Command::Rebuild(args) => rebuild(args),
         Command::Bench(args) => bench(args),
         Command::Init(args) => init(args),
         Command::Presets => list_presets(),
@@ -105,6 +108,49 @@ fn compare(args: &Compare) -> anyhow::Result<u8> {
         print_json(&file)?;
     } else {
         print(&report::describe_comparison(&file))?;
+    }
+    Ok(0)
+}
+
+fn progressive(args: &Progressive) -> anyhow::Result<u8> {
+    let flags = Flags {
+        config: args.config.clone(),
+        preset: args.preset.clone(),
+        algorithm: args.algorithm.clone(),
+        ..Flags::default()
+    };
+    let options = ProgressiveOptions {
+        input: args.file.clone(),
+        output: args.output.clone(),
+        base: args.base,
+        flags,
+        limits: Limits::default(),
+        jobs: args.jobs,
+    };
+    let report = gltf_lod::progressive(&options)?;
+    report.warnings.iter().for_each(|warning| write_line(&format!("warning: {warning}")));
+    if args.json {
+        print_json(&report)?
+    } else {
+        print(&report::describe_progressive(&report))?
+    }
+    Ok(0)
+}
+
+fn rebuild(args: &Rebuild) -> anyhow::Result<u8> {
+    let options = RebuildOptions {
+        input: args.file.clone(),
+        output: args.output.clone(),
+        triangles: args.triangles,
+        limits: Limits::default(),
+        jobs: args.jobs,
+    };
+    let report = gltf_lod::rebuild(&options)?;
+    report.warnings.iter().for_each(|warning| write_line(&format!("warning: {warning}")));
+    if args.json {
+        print_json(&report)?
+    } else {
+        print(&report::describe_rebuild(&report))?
     }
     Ok(0)
 }

@@ -50,11 +50,20 @@ pub(super) struct PrimitiveDraft {
 /// Encodes a level. It is rounded to storage already; triangles are put in vertex-cache order, vertices in order of
 /// first use, unused ones are left out, and so are groups without triangles.
 pub(super) fn encode_level(level: &Mesh, geometry: &Geometry) -> EncodedLevel {
+    encode_groups(level, geometry, Group::ordered_for_gpu)
+}
+
+/// As [`encode_level`], but triangles keep their order, and vertices that of their first use.
+pub(super) fn encode_in_order(level: &Mesh, geometry: &Geometry) -> EncodedLevel {
+    encode_groups(level, geometry, |group| group)
+}
+
+fn encode_groups(level: &Mesh, geometry: &Geometry, order: impl Fn(Group) -> Group) -> EncodedLevel {
     let mut encoder = Encoder::default();
     let mut primitives = Vec::new();
     for (primitive, group) in geometry.primitives.iter().zip(split_groups(level, geometry.primitives.len())) {
         if !group.triangles.is_empty() {
-            primitives.push(encoder.encode_primitive(level, geometry, primitive, &group.ordered_for_gpu()));
+            primitives.push(encoder.encode_primitive(level, geometry, primitive, &order(group)));
         }
     }
     encoder.finish(primitives)

@@ -1,7 +1,7 @@
 //! The JSON of level meshes: what their primitives take over from the source's, and what must stay behind.
 
 use super::accessors::{EncodedLevel, PrimitiveDraft};
-use crate::asset::{Geometry, PassedOver};
+use crate::asset::{Geometry, PROGRESSIVE, PassedOver};
 use serde_json::{Map, Value, json};
 
 /// Extensions that promise something about the vertices, the triangle order or the closedness of the primitive they
@@ -13,6 +13,7 @@ const BOUND_TO_SOURCE_TRIANGLES: &[&str] = &[
     "EXT_mesh_primitive_restart",
     "EXT_meshopt_compression",
     "FB_ngon_encoding",
+    PROGRESSIVE,
     "KHR_draco_mesh_compression",
     "KHR_meshopt_compression",
     "NV_displacement_micromap",
@@ -134,4 +135,14 @@ pub(super) fn level_accessors(level: &EncodedLevel, first_view: usize) -> Vec<Va
         json.into()
     };
     level.accessors.iter().map(one).collect()
+}
+
+/// An extension of a mesh or primitive that says something of exactly its vertices or triangles.
+pub(super) fn find_bound_extension(object: &Value) -> Option<&str> {
+    let extensions = object.get("extensions")?.as_object()?;
+    let is_bound = |(name, payload): &(&String, &Value)| {
+        BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str())
+            || *name == "EXT_mesh_features" && carried_payload(name, payload).is_none()
+    };
+    extensions.iter().find(is_bound).map(|(name, _)| name.as_str())
 }

@@ -94,15 +94,15 @@ impl Task<'_> {
 }
 
 /// Names that rules go by.
-struct Names {
-    mesh: Option<String>,
+pub(super) struct Names {
+    pub(super) mesh: Option<String>,
     nodes: Vec<String>,
     materials: Vec<String>,
     users: usize,
 }
 
 impl Names {
-    fn of(asset: &Asset, scene: &Scene, index: usize) -> Self {
+    pub(super) fn of(asset: &Asset, scene: &Scene, index: usize) -> Self {
         let name = |value: &Value| value.get("name").and_then(Value::as_str).map(str::to_owned);
         let mesh = asset.document.array("meshes").get(index);
         let users = scene.uses.get(index).map_or(&[][..], |mesh_use| &mesh_use.nodes);
@@ -120,7 +120,7 @@ impl Names {
         }
     }
 
-    fn borrow(&self) -> MeshNames<'_> {
+    pub(super) fn borrow(&self) -> MeshNames<'_> {
         MeshNames { mesh: self.mesh.as_deref(), nodes: &self.nodes, materials: &self.materials }
     }
 }

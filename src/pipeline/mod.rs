@@ -9,10 +9,12 @@ mod gates;
 mod inspect;
 mod levels;
 mod mesh;
+mod progressive;
 mod subjects;
 
 pub use inspect::inspect;
 pub(crate) use mesh::Subject;
+pub use progressive::{ProgressiveOptions, RebuildOptions, progressive, rebuild};
 pub(crate) use subjects::{Visited, visit_subjects};
 
 use crate::asset::Limits;

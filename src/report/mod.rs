@@ -3,6 +3,7 @@
 mod inspect;
 mod json;
 mod model;
+mod progressive;
 mod text;
 
 pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, describe_inspection};
@@ -11,6 +12,9 @@ pub(crate) use model::name_stop;
 pub use model::{
     BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
     Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
+};
+pub use progressive::{
+    ProgressiveMeshReport, ProgressiveReport, RebuildReport, RebuiltMeshReport, describe_progressive, describe_rebuild,
 };
 pub use text::{Detail, describe_comparison, describe_file, describe_run};
 pub(crate) use text::{add_row, count, indent, significant, start_table};

@@ -18,6 +18,7 @@ mod split;
 
 pub use levels::simplify;
 pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
+pub(crate) use queue::record;
 
 use crate::mesh::Mesh;
 

@@ -1,7 +1,12 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
+use super::options::Options;
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
+use crate::error::{Error, Kind, Result};
+use crate::mesh::Mesh;
+use crate::mesh::surface::Surface;
+use crate::progressive::Log;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -71,14 +76,14 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         let Some(Reverse(entry)) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
+            remove_piece(reducer, &piece, left, &touched);
             continue;
         };
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
         if let Some(piece) = pieces.next_if(|p| p.cost <= entry.rank.cost()) {
-            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
+            remove_piece(reducer, &piece, left, &touched);
             queue.heap.push(Reverse(entry));
             continue;
         }
@@ -93,6 +98,32 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
             Outcome::Refused => {}
         }
     }
+}
+
+/// Collapses down to `triangles`, or as far as it goes, and keeps what it takes to go back. Gives what is left, too.
+///
+/// # Errors
+/// As [`simplify`](super::simplify).
+pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result<(Log, Surface)> {
+    mesh.validate()?;
+    let mut reducer = Reducer::new(mesh, options);
+    reducer.log = Some(Log::new(mesh, &reducer.surface));
+    let least = triangles.max(options.min_triangles);
+    let mut before = usize::MAX;
+    while reducer.surface.face_count() > least && reducer.surface.face_count() < before {
+        before = reducer.surface.face_count();
+        drain(&mut reducer, least);
+    }
+    let lost = || Error::new(Kind::Internal, "a run has lost its log");
+    Ok((reducer.log.ok_or_else(lost)?.finished(), reducer.surface))
+}
+
+fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &[bool]) {
+    let fresh = |p: u32| !touched[p as usize];
+    if let Some(log) = reducer.log.as_mut().filter(|_| prune::may_remove(&reducer.surface, piece, most, fresh)) {
+        log.remove(&reducer.surface, &piece.faces);
+    }
+    prune::remove(&mut reducer.surface, piece, most, fresh);
 }
 
 /// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.

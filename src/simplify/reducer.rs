@@ -14,6 +14,7 @@ use crate::mesh::Mesh;
 use crate::mesh::edges::{Edge, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
+use crate::progressive::Log;
 use std::mem::take;
 
 /// A surface on its way from fine to coarse.
@@ -21,6 +22,8 @@ pub(crate) struct Reducer {
     pub surface: Surface,
     pub cost: Box<dyn Cost>,
     pub refusals: Refusals,
+    /// Watches what the strict schedule takes away, if somebody wants it back.
+    pub log: Option<Log>,
     /// The edges, as of the last refresh.
     pub edges: Vec<Edge>,
     /// Whether whole pieces may go: there are several.
@@ -53,6 +56,7 @@ impl Reducer {
         Self {
             cost,
             refusals: Refusals::default(),
+            log: None,
             constraints,
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
@@ -68,6 +72,9 @@ impl Reducer {
 
     /// Finds all edges as they are now, and has the cost look at them.
     pub fn refresh(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.renumber(&self.surface);
+        }
         if self.surface.compact() {
             recollect_edges(&self.surface, &self.irregular, &mut self.edges);
         }
@@ -123,9 +130,13 @@ impl Reducer {
             let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
             self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
+        let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
         merge.apply(&mut self.surface, candidate.position);
         if !self.surface.wedges.is_plain() {
             self.solution.write(&mut self.surface.wedges);
+        }
+        if let (Some(log), Some(entry)) = (&mut self.log, entry) {
+            log.finish(entry, &self.surface);
         }
         self.locked[a as usize] |= self.locked[b as usize];
         self.border[a as usize] |= self.border[b as usize];
