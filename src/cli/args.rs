@@ -127,7 +127,7 @@ pub struct PresetArgs {
     /// Levels as shares of the source's triangles, e.g. 0.5,0.25,0.125
     #[arg(long, value_name = "RATIOS", value_delimiter = ',')]
     levels: Option<Vec<f64>>,
-    /// Algorithm
+    /// esqem, qem, qfvp, fms, melax or meshopt
     #[arg(long, value_name = "NAME")]
     algorithm: Option<String>,
     /// Time for quality: fast, default or best

@@ -5,6 +5,7 @@
 
 mod asset;
 mod claims;
+mod foreign;
 mod gates;
 mod inspect;
 mod levels;

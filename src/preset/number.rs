@@ -116,6 +116,8 @@ number! {
     ScreenPixels: from 1.0 to 100_000.0;
     /// A factor on something automatic: 1 leaves it, 0 switches it off.
     Weight: from 0.0 to 1000.0;
+    /// QFVP's exponent w.
+    Exponent: from 0.0 to 2.0;
     /// How many times as large as something else.
     Multiple: above 0.0 to 1000.0;
 }

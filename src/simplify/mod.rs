@@ -1,22 +1,29 @@
 //! The simplifier: one run from fine to coarse, a snapshot at each target.
 
+mod appearance;
 mod constraints;
 mod cost;
 mod deviation;
 mod enhanced;
+mod fms;
 mod guard;
 mod levels;
+mod melax;
 mod options;
 mod paper;
 mod passes;
 mod prune;
+mod qfvp;
 mod quadric;
 mod queue;
 mod reducer;
 mod split;
+#[cfg(test)]
+mod tests;
+mod vertices;
 
 pub use levels::simplify;
-pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
+pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, NormalUpdate, Options, Schedule, Target};
 
 use crate::mesh::Mesh;
 

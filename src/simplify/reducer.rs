@@ -4,9 +4,12 @@ use super::Refusals;
 use super::constraints::Constraints;
 use super::cost::{Candidate, Cost};
 use super::enhanced::Enhanced;
+use super::fms::Fms;
 use super::guard::{Cause, check_remains, check_shape, check_topology};
+use super::melax::Melax;
 use super::options::{Algorithm, Mode, Options};
 use super::paper::Paper;
+use super::qfvp::Qfvp;
 use crate::attributes::Solution;
 use crate::mesh::Mesh;
 use crate::mesh::edges::{Edge, collect_edges};
@@ -33,6 +36,9 @@ impl Reducer {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
             Algorithm::Esqem(Mode::Paper) => Box::new(Paper::esqem(&surface, &edges, options)),
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
+            Algorithm::Qfvp => Box::new(Qfvp::new(&surface, &edges, options)),
+            Algorithm::Fms => Box::new(Fms::new(&surface, &edges, options)),
+            Algorithm::Melax => Box::new(Melax::new(&surface, &edges, options)),
         };
         let locked = constraints.lock_points(surface.points.len(), &edges);
         Self { surface, cost, refusals: Refusals::default(), constraints, locked, solution: Solution::default() }

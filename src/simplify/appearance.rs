@@ -1,0 +1,71 @@
+//! What the papers' costs leave out and files need: outlines (borders, seams, material borders) and attributes, as squared lengths.
+//!
+//! The papers know geometry alone. On a closed surface without attributes everything here is zero, and their costs stand as printed.
+
+use super::constraints::{Constraints, upright_planes};
+use super::options::{AttributeWeights, Options};
+use super::quadric::Quadric;
+use crate::attributes::Metric;
+use crate::mesh::edges::Edge;
+use crate::mesh::surface::Surface;
+use crate::mesh::surgery::Merge;
+use glam::DVec3;
+
+/// Cost of an edge's length², where nothing else costs anything: shortest first beats index order.
+const LENGTH_COST: f64 = 1e-12;
+
+/// Outlines accumulated at points, and the weights of attributes.
+pub(crate) struct Appearance {
+    weights: AttributeWeights,
+    /// One a point: the planes that stand on the lines through it; zero where none does.
+    outlines: Vec<Quadric>,
+    metric: Metric,
+}
+
+impl Appearance {
+    pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
+        let constraints = Constraints::new(options);
+        let mut outlines = vec![Quadric::default(); surface.points.len()];
+        for edge in edges.iter().filter(|e| constraints.weight(e.kind) > 0.0) {
+            let mut planes = Quadric::default();
+            planes.add_scaled(&upright_planes(surface, edge), constraints.weight(edge.kind));
+            outlines[edge.a as usize].add(&planes);
+            outlines[edge.b as usize].add(&planes);
+        }
+        Self { weights: options.attribute_weights, outlines, metric: Metric::default() }
+    }
+
+    /// Brings the weights of attributes up to date with the surface.
+    pub fn refresh(&mut self, surface: &Surface) {
+        self.metric = Metric::new(surface, &self.weights);
+    }
+
+    /// Follows a collapse.
+    pub fn merged(&mut self, kept: u32, gone: u32) {
+        let gone = self.outlines[gone as usize];
+        self.outlines[kept as usize].add(&gone);
+    }
+
+    /// Whether a line that keeps its shape runs through the point.
+    pub fn is_on_outline(&self, point: u32) -> bool {
+        self.outlines[point as usize].trace() > 0.0
+    }
+
+    /// Squared distance by which the lines through `a` and `b` would be off at `x`.
+    pub fn outline_at(&self, a: u32, b: u32, x: DVec3) -> f64 {
+        let of = |p: u32| if self.is_on_outline(p) { self.outlines[p as usize].at(x) } else { 0.0 };
+        of(a) + of(b)
+    }
+
+    /// Squared length by which outlines and attributes are off once `a` and `b` are joined at `x`.
+    pub fn deviation(&self, surface: &Surface, a: u32, b: u32, x: DVec3) -> f64 {
+        let [pa, pb] = [a, b].map(|p| surface.points[p as usize]);
+        let square = pa.distance_squared(pb);
+        let mut cost = self.outline_at(a, b, x) + LENGTH_COST * square;
+        if !self.metric.is_empty() && square > 0.0 {
+            // The metric sums over areas; the papers' costs do not.
+            cost += self.metric.deviation(surface, &Merge::new(surface, a, b), x) / square;
+        }
+        cost
+    }
+}
