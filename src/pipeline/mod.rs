@@ -10,8 +10,12 @@ mod gates;
 mod inspect;
 mod levels;
 mod mesh;
+mod papers;
+mod train;
 
 pub use inspect::inspect;
+pub use papers::{Clock, PapersOptions, papers};
+pub use train::{TrainOptions, TrainOutcome, train_w};
 
 use crate::asset::Limits;
 use crate::discover::{Destination, Found, Source, discover, is_asset};

@@ -51,6 +51,8 @@ macro_rules! each_key {
         schedule: Schedule,
 
         /// `qfvp` only: its exponent w, how much the angle between the normals at an edge's ends counts, from 0 (plain quadrics) to 2.
+        /// `"auto"` asks a small neural net that goes by the triangle counts of source and last level, `"shape"` one that also looks at the
+        /// mesh.
         qfvp_w: Exponent,
 
         /// `qfvp` only: how the normals of vertices follow collapses.

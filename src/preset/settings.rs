@@ -47,7 +47,7 @@ fn resolve_simplify(keys: &Keys) -> Result<simplify::Options> {
         min_triangles: required(keys.min_triangles, "min_triangles")?.get(),
         algorithm,
         schedule: required(keys.schedule, "schedule")?.resolve(algorithm),
-        qfvp_w: required(keys.qfvp_w, "qfvp_w")?.get() as f32,
+        qfvp_w: required(keys.qfvp_w, "qfvp_w")?.0,
         qfvp_normals: required(keys.qfvp_normals, "qfvp_normals")?.into(),
         fms_alpha: required(keys.fms_alpha, "fms_alpha")?.get() as f32,
         effort: required(keys.effort, "effort")?.into(),

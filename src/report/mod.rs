@@ -3,7 +3,9 @@
 mod inspect;
 mod json;
 mod model;
+pub mod papers;
 mod text;
+mod training;
 
 pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, describe_inspection};
 pub use json::to_json;
@@ -11,4 +13,6 @@ pub use model::{
     BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
     Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
 };
+pub use papers::{PapersReport, describe_papers};
 pub use text::{Detail, describe_comparison, describe_file, describe_run};
+pub use training::describe_training;

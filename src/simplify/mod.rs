@@ -23,7 +23,9 @@ mod tests;
 mod vertices;
 
 pub use levels::simplify;
-pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, NormalUpdate, Options, Schedule, Target};
+pub use options::{
+    Algorithm, AttributeWeights, EdgePolicy, Effort, FeatureWeight, Mode, NormalUpdate, Options, Schedule, Target,
+};
 
 use crate::mesh::Mesh;
 

@@ -11,8 +11,8 @@ pub struct Options {
     pub algorithm: Algorithm,
     /// `Passes` is faster, `Queue` keeps the strict order of costs.
     pub schedule: Schedule,
-    /// QFVP's w, from 0 to 2: how much the angle between the normals at an edge's ends counts. 0 is the quadric error alone.
-    pub qfvp_w: f32,
+    /// QFVP's w: how much the angle between the normals at an edge's ends counts.
+    pub qfvp_w: FeatureWeight,
     /// How QFVP's normals follow collapses.
     pub qfvp_normals: NormalUpdate,
     /// FMS's α: how much a vertex gains in weight as collapses change the surface around it.
@@ -89,6 +89,18 @@ impl Algorithm {
             Self::Fms => Schedule::Vertices,
         }
     }
+}
+
+/// QFVP's exponent w.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum FeatureWeight {
+    /// This one, from 0 (the quadric error alone) to 2.
+    Fixed(f64),
+    /// What the paper's net names for the source's triangles and those of the last level.
+    #[default]
+    Auto,
+    /// What a net names that looks at the shape as well.
+    Shape,
 }
 
 /// How QFVP's normals follow collapses.
@@ -174,7 +186,7 @@ impl Default for Options {
             min_triangles: 4,
             algorithm: Algorithm::Esqem(Mode::Enhanced),
             schedule: Schedule::Passes,
-            qfvp_w: 0.5,
+            qfvp_w: FeatureWeight::Auto,
             qfvp_normals: NormalUpdate::Linear,
             fms_alpha: 1.0,
             effort: Effort::Default,

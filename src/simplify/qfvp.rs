@@ -5,14 +5,18 @@
 
 use super::appearance::Appearance;
 use super::cost::{Candidate, Cost, Reach, cheapest};
-use super::options::{NormalUpdate, Options};
+use super::options::{FeatureWeight, NormalUpdate, Options};
 use super::paper::face_quadrics;
 use super::quadric::Quadric;
 use crate::curvature::normal_and_area;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
+use crate::predictor::{self, Reduction, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
+
+/// Share of the source's triangles that counts as the target where an error alone ends the level: its count is not known before.
+const UNKNOWN_TARGET: f64 = 0.1;
 
 pub(crate) struct Qfvp {
     w: f64,
@@ -39,12 +43,27 @@ impl Qfvp {
             faces: surface.ring(p as u32).len() as u32,
         };
         Self {
-            w: f64::from(options.qfvp_w),
+            w: choose_w(surface, edges, options),
             normals: options.qfvp_normals,
             points: quadrics.into_par_iter().enumerate().map(state).collect(),
             appearance: Appearance::new(surface, edges, options),
         }
     }
+}
+
+fn choose_w(surface: &Surface, edges: &[Edge], options: &Options) -> f64 {
+    let reduction = || Reduction { before: surface.face_count(), after: coarsest_level(options, surface.face_count()) };
+    match options.qfvp_w {
+        FeatureWeight::Fixed(w) => w,
+        FeatureWeight::Auto => predictor::builtin().predict(reduction()),
+        FeatureWeight::Shape => predictor::builtin().predict_by_shape(reduction(), Shape::of(surface, edges)),
+    }
+}
+
+/// Triangles of the last level, as far as they are known before.
+fn coarsest_level(options: &Options, source: usize) -> usize {
+    let unknown = (source as f64 * UNKNOWN_TARGET) as usize;
+    options.levels.last().map_or(source, |target| target.count(source, unknown))
 }
 
 /// Mean of the unit normals of the faces at a point (8).

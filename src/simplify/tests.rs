@@ -8,7 +8,7 @@ use super::melax::Melax;
 use super::paper::Paper;
 use super::qfvp::Qfvp;
 use super::reducer::Reducer;
-use super::{Algorithm, AttributeWeights, EdgePolicy, NormalUpdate, Options, queue, vertices};
+use super::{Algorithm, AttributeWeights, EdgePolicy, FeatureWeight, NormalUpdate, Options, queue, vertices};
 use crate::curvature::{Curvature, border_points};
 use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::surface::Surface;
@@ -112,10 +112,10 @@ fn qfvp_multiplies_by_a_power_of_the_angle_between_normals() {
     // Eq. 8: the normal of the apex is upright, that of a corner (1, -1, 2)/√6. Eq. 4.
     let f = 1.0 - 2.0 / 6f64.sqrt();
     for w in [0.0, 0.5, 1.0, 1.3, 1.5, 2.0] {
-        let mut qfvp = Qfvp::new(&surface, &edges, &Options { qfvp_w: w, ..bare() });
+        let mut qfvp = Qfvp::new(&surface, &edges, &Options { qfvp_w: FeatureWeight::Fixed(w), ..bare() });
         qfvp.refresh(&surface, &edges);
         // Eq. 6; the quadric error is 1 at the midpoint.
-        let expected = f.powf(f64::from(w));
+        let expected = f.powf(w);
         assert!((cost_at(&qfvp, &surface, middle(&surface)) - expected).abs() < 1e-7, "w = {w}");
         let best = qfvp.judge(&surface, APEX, CORNER, None).expect("finite");
         assert_eq!(best.position, surface.points[APEX as usize], "the best of both ends and the midpoint");
@@ -126,7 +126,8 @@ fn qfvp_multiplies_by_a_power_of_the_angle_between_normals() {
 fn qfvp_normals_follow_linearly_or_anew() {
     let (surface, edges) = pyramid();
     let cost_after = |qfvp_normals| {
-        let mut qfvp = Qfvp::new(&surface, &edges, &Options { qfvp_w: 1.0, qfvp_normals, ..bare() });
+        let mut qfvp =
+            Qfvp::new(&surface, &edges, &Options { qfvp_w: FeatureWeight::Fixed(1.0), qfvp_normals, ..bare() });
         qfvp.refresh(&surface, &edges);
         qfvp.merged(APEX, CORNER);
         qfvp.update(&surface, APEX);

@@ -67,7 +67,7 @@ fn every_class_points_at_its_place_and_says_what_to_write() {
         ("cull_coverage = nan", "1:17", 3, "expected a number from 0 to 0.99, found `nan`", ""),
         ("min_triangles = 0", "1:17", 1, "expected a whole number from 1, found `0`", ""),
         ("min_triangles = 99999999999999999999", "1:17", 20, "expected a whole number from 1, found", ""),
-        ("qfvp_w = 2.5", "1:10", 3, "expected a number from 0 to 2, found `2.5`", ""),
+        ("qfvp_w = 2.5", "1:10", 3, "expected a number from 0 to 2, \"auto\" or \"shape\", found `2.5`", ""),
         ("schedule = 'vertexes'", "1:12", 10, "unknown value `vertexes`", "did you mean `vertices`?"),
         ("split_factor = 0.5", "1:16", 3, "expected a number from 1 to 100, or false for no splits, found `0.5`", ""),
         (
