@@ -214,7 +214,11 @@ impl Comparison<'_> {
     fn compare_updates(&self, model: &Model) -> Result<UpdateRow> {
         let count = (model.mesh.triangles.len() as f64 * (1.0 - SPEED_SHARE)).round() as usize;
         let run = |update| {
-            let with = |options: &mut Options| options.qfvp_normals = update;
+            let with = |options: &mut Options| {
+                options.qfvp_normals = update;
+                // Any w but 0 lets the normals count.
+                options.qfvp_w = FeatureWeight::Fixed(0.5);
+            };
             self.run_with(model, count, Algorithm::Qfvp, self.options.runs, with)
         };
         let [anew, linear] = [run(NormalUpdate::Recompute)?, run(NormalUpdate::Linear)?];

@@ -17,7 +17,9 @@ const LENGTH_COST: f64 = 1e-12;
 /// Outlines accumulated at points, and the weights of attributes.
 pub(crate) struct Appearance {
     weights: AttributeWeights,
-    /// One a point: the planes that stand on the lines through it; zero where none does.
+    /// One a point: whether a line that costs something runs through it.
+    on_outline: Vec<bool>,
+    /// The planes that stand on those lines; one a point if there is any line at all.
     outlines: Vec<Quadric>,
     metric: Metric,
 }
@@ -25,14 +27,18 @@ pub(crate) struct Appearance {
 impl Appearance {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
         let constraints = Constraints::new(options);
-        let mut outlines = vec![Quadric::default(); surface.points.len()];
+        let mut on_outline = vec![false; surface.points.len()];
+        let mut outlines = Vec::new();
         for edge in edges.iter().filter(|e| constraints.weight(e.kind) > 0.0) {
+            outlines.resize(surface.points.len(), Quadric::default());
+            on_outline[edge.a as usize] = true;
+            on_outline[edge.b as usize] = true;
             let mut planes = Quadric::default();
             planes.add_scaled(&upright_planes(surface, edge), constraints.weight(edge.kind));
             outlines[edge.a as usize].add(&planes);
             outlines[edge.b as usize].add(&planes);
         }
-        Self { weights: options.attribute_weights, outlines, metric: Metric::default() }
+        Self { weights: options.attribute_weights, on_outline, outlines, metric: Metric::default() }
     }
 
     /// Brings the weights of attributes up to date with the surface.
@@ -42,13 +48,16 @@ impl Appearance {
 
     /// Follows a collapse.
     pub fn merged(&mut self, kept: u32, gone: u32) {
-        let gone = self.outlines[gone as usize];
-        self.outlines[kept as usize].add(&gone);
+        if self.on_outline[gone as usize] {
+            self.on_outline[kept as usize] = true;
+            let gone = self.outlines[gone as usize];
+            self.outlines[kept as usize].add(&gone);
+        }
     }
 
     /// Whether a line that keeps its shape runs through the point.
     pub fn is_on_outline(&self, point: u32) -> bool {
-        self.outlines[point as usize].trace() > 0.0
+        self.on_outline[point as usize]
     }
 
     /// Squared distance by which the lines through `a` and `b` would be off at `x`.

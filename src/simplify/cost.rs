@@ -43,7 +43,8 @@ pub(crate) trait Cost: Send + Sync {
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, kept: u32, gone: u32);
 
-    /// Brings what is known of one point up to date with the faces around it. Only the queues ask for it.
+    /// Brings what is known of one point up to date with the faces around it. Only the queues ask for it: after a collapse for the joined point,
+    /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);
 
     /// After [`Self::update`] of a joined point and all around it: brings what depends on several of them up to date.

@@ -7,16 +7,22 @@
 use super::appearance::Appearance;
 use super::cost::{Candidate, Cost};
 use super::options::Options;
+use crate::curvature::normal_and_area;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
 use rayon::prelude::*;
-use smallvec::SmallVec;
 
 pub(crate) struct Fms {
     alpha: f64,
     points: Vec<PointState>,
+    /// For each face its unit normal and its area.
+    faces: Vec<(DVec3, f64)>,
+    /// The point that the last collapse made: its faces are those that have changed.
+    joined: u32,
     appearance: Appearance,
+    /// Whether the first weights are known.
+    started: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,19 +37,25 @@ struct PointState {
 
 impl Fms {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
-        let mut fms = Self {
+        Self {
             alpha: f64::from(options.fms_alpha),
             points: vec![PointState::default(); surface.points.len()],
+            faces: Vec::new(),
+            joined: 0,
             appearance: Appearance::new(surface, edges, options),
-        };
-        fms.measure_curvature(surface);
-        let first: Vec<f64> = fms.least_costs(surface);
-        fms.points.iter_mut().zip(first).for_each(|(state, first)| state.first = first);
-        fms
+            started: false,
+        }
     }
 
     fn measure_curvature(&mut self, surface: &Surface) {
-        let measure = |(p, state): (usize, &mut PointState)| state.curvature = relative_curvature(surface, p as u32);
+        self.faces.clear();
+        for f in surface.live_faces() {
+            self.faces.resize(f + 1, (DVec3::ZERO, 0.0));
+            self.faces[f] = normal_and_area(surface.triangle(f));
+        }
+        let faces = &self.faces;
+        let measure =
+            |(p, state): (usize, &mut PointState)| state.curvature = relative_curvature(surface.ring(p as u32), faces);
         self.points.par_iter_mut().enumerate().for_each(measure);
     }
 
@@ -79,26 +91,28 @@ impl Fms {
     }
 }
 
-/// Mean angle between the normal of a point and the normals of its faces (6)–(8), in radians.
-fn relative_curvature(surface: &Surface, point: u32) -> f64 {
-    let cross = |&corner: &u32| {
-        let [a, b, c] = surface.triangle(Surface::face_of(corner));
-        (b - a).cross(c - a)
-    };
-    let normals: SmallVec<[DVec3; 12]> = surface.ring(point).iter().map(cross).collect();
-    let sum: DVec3 = normals.iter().sum();
-    let angle = |n: &DVec3| {
-        let lengths = (n.length_squared() * sum.length_squared()).sqrt();
-        if lengths > 0.0 { libm::acos((n.dot(sum) / lengths).clamp(-1.0, 1.0)) } else { 0.0 }
-    };
-    normals.iter().map(angle).sum::<f64>() / normals.len().max(1) as f64
+/// Mean angle between the normal of a point and the normals of the faces at its corners (6)–(8), in radians. The cross products of (6) make
+/// large faces count more in (7).
+fn relative_curvature(ring: &[u32], faces: &[(DVec3, f64)]) -> f64 {
+    let face = |&corner: &u32| faces[Surface::face_of(corner)];
+    let normal = ring.iter().map(face).map(|(normal, area)| normal * area).sum::<DVec3>().normalize_or_zero();
+    let angle = |(face_normal, _): (DVec3, f64)| libm::acos(face_normal.dot(normal).clamp(-1.0, 1.0));
+    // A face without area has no normal to differ.
+    let angles = ring.iter().map(face).filter(|(_, area)| *area > 0.0).map(angle);
+    angles.sum::<f64>() / ring.len().max(1) as f64
 }
 
 impl Cost for Fms {
     fn refresh(&mut self, surface: &Surface, _edges: &[Edge]) {
         self.measure_curvature(surface);
         let now = self.least_costs(surface);
-        self.points.iter_mut().zip(now).for_each(|(state, now)| state.lambda = (now - state.first).abs());
+        for (state, now) in self.points.iter_mut().zip(now) {
+            if !self.started {
+                state.first = now;
+            }
+            state.lambda = (now - state.first).abs();
+        }
+        self.started = true;
         self.appearance.refresh(surface);
     }
 
@@ -118,11 +132,18 @@ impl Cost for Fms {
         let gone_first = self.points[gone as usize].first;
         let first = &mut self.points[kept as usize].first;
         *first = first.min(gone_first);
+        self.joined = kept;
         self.appearance.merged(kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        self.points[point as usize].curvature = relative_curvature(surface, point);
+        if point == self.joined {
+            for &corner in surface.ring(point) {
+                let face = Surface::face_of(corner);
+                self.faces[face] = normal_and_area(surface.triangle(face));
+            }
+        }
+        self.points[point as usize].curvature = relative_curvature(surface.ring(point), &self.faces);
     }
 
     fn settle(&mut self, surface: &Surface, point: u32) {

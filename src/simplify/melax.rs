@@ -16,12 +16,14 @@ use smallvec::SmallVec;
 pub(crate) struct Melax {
     /// Unit normal of each face.
     normals: Vec<DVec3>,
+    /// The point that the last collapse made: its faces are those that have changed.
+    joined: u32,
     appearance: Appearance,
 }
 
 impl Melax {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
-        Self { normals: face_normals(surface), appearance: Appearance::new(surface, edges, options) }
+        Self { normals: face_normals(surface), joined: 0, appearance: Appearance::new(surface, edges, options) }
     }
 
     /// Curvature of moving `from` onto `onto`: 0 flat … 1.
@@ -80,11 +82,12 @@ impl Cost for Melax {
     }
 
     fn merged(&mut self, kept: u32, gone: u32) {
+        self.joined = kept;
         self.appearance.merged(kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        for &corner in surface.ring(point) {
+        for &corner in surface.ring(point).iter().filter(|_| point == self.joined) {
             let face = Surface::face_of(corner);
             self.normals[face] = normal_and_area(surface.triangle(face)).0;
         }

@@ -91,7 +91,7 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
 /// Judges anew every edge whose cost the collapse changed: those at the joined point and, where costs reach so far, at its neighbours.
 fn requeue(queue: &mut Queue, reducer: &mut Reducer, kept: u32, gone: u32) {
     let mut around = reducer.surface.neighbours(kept);
-    around.push(kept);
+    around.insert(0, kept);
     around.iter().for_each(|&p| reducer.cost.update(&reducer.surface, p));
     around.iter().for_each(|&p| reducer.cost.settle(&reducer.surface, p));
     let everywhere = reducer.cost.reach() == Reach::Neighbours;

@@ -94,7 +94,7 @@ impl Queue {
     fn follow(&mut self, reducer: &mut Reducer, kept: u32, gone: u32) {
         self.heap.remove(gone);
         let mut around = reducer.surface.neighbours(kept);
-        around.push(kept);
+        around.insert(0, kept);
         around.iter().for_each(|&p| reducer.cost.update(&reducer.surface, p));
         around.iter().for_each(|&p| reducer.cost.settle(&reducer.surface, p));
         for &p in &around {
