@@ -1,17 +1,18 @@
 //! Commands: from arguments to library calls, output and exit code.
 
-use super::args::{Build, Cli, Command, Compare, Init, Inspect, Papers, TrainW};
+use super::args::{Bench, Build, Cli, Command, Compare, Init, Inspect, Papers, TrainW};
+use super::instruments::Process;
 use super::progress::{Progress, write_line};
 use anyhow::Context;
 use clap::Parser;
 use gltf_lod::asset::Limits;
+use gltf_lod::bench::{BenchOptions, Instruments, describe_bench};
 use gltf_lod::emit::{self, Content, Output, OutputFile};
 use gltf_lod::report::{self, Detail, Outcome, Report};
 use gltf_lod::{BuildOptions, Error, Kind, PapersOptions, TrainOptions, preset};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
 
 const GATE_FAILED: u8 = 1;
 const USAGE: u8 = 2;
@@ -28,6 +29,7 @@ pub fn run(cli: &Cli) -> ExitCode {
         Command::Build(args) => build(args),
         Command::Inspect(args) => inspect(args),
         Command::Compare(args) => compare(args),
+        Command::Bench(args) => bench(args),
         Command::Init(args) => init(args),
         Command::Presets => list_presets(),
         Command::TrainW(args) => train_w(args),
@@ -63,12 +65,16 @@ fn build(args: &Build) -> anyhow::Result<u8> {
     if let Some(file) = &args.report {
         write_file(file, report::to_json(&report, !args.no_times))?;
     }
-    Ok(match report.outcome() {
+    Ok(code_of(report.outcome()))
+}
+
+fn code_of(outcome: Outcome) -> u8 {
+    match outcome {
         Outcome::Fine => 0,
         Outcome::GateFailed => GATE_FAILED,
         Outcome::Preset => USAGE,
         Outcome::Trouble => TROUBLE,
-    })
+    }
 }
 
 /// The summary shows them too; without it they are all that says why the exit code is 1.
@@ -103,6 +109,28 @@ fn compare(args: &Compare) -> anyhow::Result<u8> {
         print(&report::describe_comparison(&file))?;
     }
     Ok(0)
+}
+
+fn bench(args: &Bench) -> anyhow::Result<u8> {
+    keep_panics_quiet(args.run.verbose);
+    let options = BenchOptions {
+        inputs: args.inputs.clone(),
+        flags: args.preset.flags(),
+        limits: Limits::default(),
+        jobs: args.run.jobs,
+        runs: args.runs.map(usize::from),
+    };
+    let progress = Progress::new(args.run.quiet || args.json);
+    let report = gltf_lod::bench::bench(&options, &Process::start(), &progress);
+    progress.finish();
+    let report = report?;
+    if args.json {
+        print_json(&report)?;
+    } else {
+        print(&describe_bench(&report, args.run.verbose))?;
+    }
+    report.problems.iter().for_each(|problem| write_line(&format!("error: {}", problem.error)));
+    Ok(code_of(report.outcome()))
 }
 
 fn init(args: &Init) -> anyhow::Result<u8> {
@@ -168,10 +196,9 @@ fn papers(args: &Papers) -> anyhow::Result<u8> {
         most_triangles: args.most_triangles,
         limits: Limits::default(),
     };
-    let start = Instant::now();
-    let clock = || read_cpu_time().unwrap_or_else(|| start.elapsed());
+    let process = Process::start();
     let progress = Progress::new(args.quiet || args.json);
-    let found = gltf_lod::papers(&options, &clock, &progress);
+    let found = gltf_lod::papers(&options, &|| process.cpu(), &progress);
     progress.finish();
     let found = found?;
     if args.json {
@@ -180,12 +207,6 @@ fn papers(args: &Papers) -> anyhow::Result<u8> {
         print(&report::describe_papers(&found))?;
     }
     Ok(0)
-}
-
-/// CPU time of this thread, which others on the machine hardly disturb; where the system has it in a file.
-fn read_cpu_time() -> Option<Duration> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    Some(Duration::from_nanos(text.split(' ').next()?.parse().ok()?))
 }
 
 /// A broken invariant becomes an error of its file; where it broke interests who reports it.

@@ -61,6 +61,11 @@ impl Wedges {
         self.groups.len()
     }
 
+    /// Whether wedges carry nothing that a collapse could change.
+    pub fn is_plain(&self) -> bool {
+        self.stride == 0 && self.skin.is_none()
+    }
+
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }

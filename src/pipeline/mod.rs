@@ -11,10 +11,13 @@ mod inspect;
 mod levels;
 mod mesh;
 mod papers;
+mod subjects;
 mod train;
 
 pub use inspect::inspect;
+pub(crate) use mesh::Subject;
 pub use papers::{Clock, PapersOptions, papers};
+pub(crate) use subjects::{Visited, visit_subjects};
 pub use train::{TrainOptions, TrainOutcome, train_w};
 
 use crate::asset::Limits;
@@ -60,6 +63,8 @@ pub trait Observer: Sync {
     fn mesh_finished(&self, _triangles: usize) {}
     /// An asset is done, or has failed.
     fn asset_finished(&self, _report: &FileReport) {}
+    /// An asset's meshes have been timed and measured by [`bench`](crate::bench::bench).
+    fn asset_benched(&self, _path: &str, _bytes: u64) {}
     /// Time since some fixed moment. `None` leaves times out of the report.
     fn elapsed(&self) -> Option<Duration> {
         None

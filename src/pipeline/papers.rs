@@ -30,7 +30,7 @@ pub struct PapersOptions {
     pub limits: Limits,
 }
 
-/// A clock for the thread that asks it: the library reads none itself. CPU time, where the program can have it.
+/// A clock: the library reads none itself. CPU time of the process is best, as others on the machine hardly disturb it.
 pub type Clock<'a> = &'a (dyn Fn() -> Duration + Sync);
 
 /// A model of the papers: the file's name, its triangles there, where we measure it.
@@ -67,7 +67,7 @@ const QFVP_PUBLISHED: [PublishedQfvp; 4] = [
 ];
 /// FMS, §4: model and triangles.
 const FMS_COUNTS: [(&Known, usize); 2] = [(&COW, 2804), (&BUNNY, 9589)];
-/// What is timed takes at least about this long: clocks of CPU time tick in milliseconds.
+/// What is timed takes at least about this long.
 const LEAST_TIMED: Duration = Duration::from_millis(200);
 /// Most reductions that are timed together.
 const MOST_REPEATS: u128 = 20;
@@ -79,7 +79,7 @@ const SPEED_SHARE: f64 = 0.9;
 /// # Errors
 /// Everything that keeps a model's file from being read; a file that is not there is no error.
 pub fn papers(options: &PapersOptions, clock: Clock<'_>, observer: &dyn Observer) -> Result<PapersReport> {
-    // One thread: the papers have one, and only so does the clock see all of the work.
+    // One thread: the papers have one.
     run_on_threads(Some(1), || Comparison { options, clock, observer }.make_report())?
 }
 

@@ -33,10 +33,12 @@ impl Appearance {
             outlines.resize(surface.points.len(), Quadric::default());
             on_outline[edge.a as usize] = true;
             on_outline[edge.b as usize] = true;
-            let mut planes = Quadric::default();
-            planes.add_scaled(&upright_planes(surface, edge), constraints.weight(edge.kind));
-            outlines[edge.a as usize].add(&planes);
-            outlines[edge.b as usize].add(&planes);
+            let (through, weight) = (surface.points[edge.a as usize], constraints.weight(edge.kind));
+            for normal in upright_planes(surface, edge) {
+                let plane = Quadric::plane(normal, through, weight);
+                outlines[edge.a as usize].add(&plane);
+                outlines[edge.b as usize].add(&plane);
+            }
         }
         Self { weights: options.attribute_weights, on_outline, outlines, metric: Metric::default() }
     }

@@ -3,6 +3,7 @@
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// A collapse that may be tried.
 #[derive(Debug, Clone, Copy)]
@@ -13,21 +14,8 @@ pub(crate) struct Candidate {
     pub position: DVec3,
 }
 
-/// A cost as a key for sorting: costs are never negative, so their bits order as they do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Rank(u64);
-
-impl Rank {
-    /// Of a cost ≥ 0.
-    pub fn of(cost: f64) -> Self {
-        Self(cost.max(0.0).to_bits())
-    }
-
-    /// The cost.
-    pub fn cost(self) -> f64 {
-        f64::from_bits(self.0)
-    }
-}
+/// Cost of an edge that may not collapse.
+pub(crate) const UNRANKED: f32 = f32::INFINITY;
 
 /// Cost and placement of edge collapses.
 pub(crate) trait Cost: Send + Sync {
@@ -37,13 +25,22 @@ pub(crate) trait Cost: Send + Sync {
     /// Judges the collapse of the edge between `a` and `b`, with the joined point at `fixed` if given; `None` if it has no finite cost.
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate>;
 
+    /// About what all `edges` cost, to put them in order; [`UNRANKED`] where there is no candidate.
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
+        let judge = |e: &Edge| {
+            let candidate = pinned(surface, locked, e.a, e.b).and_then(|pin| self.judge(surface, e.a, e.b, pin));
+            candidate.map_or(UNRANKED, |c| c.cost as f32)
+        };
+        edges.par_iter().map(judge).collect_into_vec(costs);
+    }
+
     /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, kept: u32, gone: u32);
 
-    /// Brings what is known of one point up to date with the faces around it. Only the queues ask for it: after a collapse for the joined point,
+    /// Brings what is known of one point up to date with the faces around it. The queues ask for it after each collapse, for the joined point,
     /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);
 
@@ -65,6 +62,16 @@ pub(crate) enum Reach {
     Neighbours,
 }
 
+/// Where the joined point of an edge has to go, if an end is locked; `None` if both are.
+pub(crate) fn pinned(surface: &Surface, locked: &[bool], a: u32, b: u32) -> Option<Option<DVec3>> {
+    match (locked[a as usize], locked[b as usize]) {
+        (true, true) => None,
+        (true, false) => Some(Some(surface.points[a as usize])),
+        (false, true) => Some(Some(surface.points[b as usize])),
+        (false, false) => Some(None),
+    }
+}
+
 /// The cheapest of some positions by `cost`.
 pub(crate) fn cheapest(positions: &[DVec3], cost: impl Fn(DVec3) -> f64) -> Option<Candidate> {
     positions
@@ -78,8 +85,8 @@ pub(crate) fn cheapest(positions: &[DVec3], cost: impl Fn(DVec3) -> f64) -> Opti
 /// stick out far.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Room {
-    low: DVec3,
-    high: DVec3,
+    pub low: DVec3,
+    pub high: DVec3,
 }
 
 impl Room {

@@ -6,20 +6,17 @@
 
 use super::appearance::Appearance;
 use super::cost::{Candidate, Cost};
+use super::normals::FaceNormals;
 use super::options::Options;
-use crate::curvature::normal_and_area;
 use crate::mesh::edges::Edge;
-use crate::mesh::surface::Surface;
+use crate::mesh::surface::{Corner, Surface};
 use glam::DVec3;
 use rayon::prelude::*;
 
 pub(crate) struct Fms {
     alpha: f64,
     points: Vec<PointState>,
-    /// For each face its unit normal and its area.
-    faces: Vec<(DVec3, f64)>,
-    /// The point that the last collapse made: its faces are those that have changed.
-    joined: u32,
+    normals: FaceNormals,
     appearance: Appearance,
     /// Whether the first weights are known.
     started: bool,
@@ -40,22 +37,18 @@ impl Fms {
         Self {
             alpha: f64::from(options.fms_alpha),
             points: vec![PointState::default(); surface.points.len()],
-            faces: Vec::new(),
-            joined: 0,
+            normals: FaceNormals::default(),
             appearance: Appearance::new(surface, edges, options),
             started: false,
         }
     }
 
     fn measure_curvature(&mut self, surface: &Surface) {
-        self.faces.clear();
-        for f in surface.live_faces() {
-            self.faces.resize(f + 1, (DVec3::ZERO, 0.0));
-            self.faces[f] = normal_and_area(surface.triangle(f));
-        }
-        let faces = &self.faces;
-        let measure =
-            |(p, state): (usize, &mut PointState)| state.curvature = relative_curvature(surface.ring(p as u32), faces);
+        self.normals.refresh(surface);
+        let normals = &self.normals;
+        let measure = |(p, state): (usize, &mut PointState)| {
+            state.curvature = relative_curvature(surface.ring(p as u32), normals)
+        };
         self.points.par_iter_mut().enumerate().for_each(measure);
     }
 
@@ -93,8 +86,8 @@ impl Fms {
 
 /// Mean angle between the normal of a point and the normals of the faces at its corners (6)–(8), in radians. The cross products of (6) make
 /// large faces count more in (7).
-fn relative_curvature(ring: &[u32], faces: &[(DVec3, f64)]) -> f64 {
-    let face = |&corner: &u32| faces[Surface::face_of(corner)];
+fn relative_curvature(ring: &[Corner], normals: &FaceNormals) -> f64 {
+    let face = |&corner: &Corner| normals.at(corner);
     let normal = ring.iter().map(face).map(|(normal, area)| normal * area).sum::<DVec3>().normalize_or_zero();
     let angle = |(face_normal, _): (DVec3, f64)| libm::acos(face_normal.dot(normal).clamp(-1.0, 1.0));
     // A face without area has no normal to differ.
@@ -132,18 +125,13 @@ impl Cost for Fms {
         let gone_first = self.points[gone as usize].first;
         let first = &mut self.points[kept as usize].first;
         *first = first.min(gone_first);
-        self.joined = kept;
+        self.normals.follow(kept);
         self.appearance.merged(kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        if point == self.joined {
-            for &corner in surface.ring(point) {
-                let face = Surface::face_of(corner);
-                self.faces[face] = normal_and_area(surface.triangle(face));
-            }
-        }
-        self.points[point as usize].curvature = relative_curvature(surface.ring(point), &self.faces);
+        self.normals.update(surface, point);
+        self.points[point as usize].curvature = relative_curvature(surface.ring(point), &self.normals);
     }
 
     fn settle(&mut self, surface: &Surface, point: u32) {

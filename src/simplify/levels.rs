@@ -45,7 +45,13 @@ const ERROR_STEP: f64 = 0.93;
 /// ```
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
-    let mut chain = Builder { mesh, options, reducer: Reducer::new(mesh, options), deviation: None };
+    let mut chain = Builder {
+        mesh,
+        options,
+        reducer: Reducer::new(mesh, options),
+        workspace: passes::Workspace::default(),
+        deviation: None,
+    };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
 }
@@ -54,6 +60,7 @@ struct Builder<'a> {
     mesh: &'a Mesh,
     options: &'a Options,
     reducer: Reducer,
+    workspace: passes::Workspace,
     /// Built when first asked for.
     deviation: Option<Deviation>,
 }
@@ -74,14 +81,13 @@ impl Builder<'_> {
     }
 
     fn reduce(&mut self, triangles: usize) -> Stop {
-        let step = match self.options.schedule {
-            Schedule::Passes => passes::run_pass,
-            Schedule::Queue => queue::drain,
-            Schedule::Vertices => vertices::drain,
-        };
         while self.reducer.surface.face_count() > triangles {
             let before = self.reducer.surface.face_count();
-            step(&mut self.reducer, triangles);
+            match self.options.schedule {
+                Schedule::Passes => passes::run_pass(&mut self.reducer, &mut self.workspace, triangles),
+                Schedule::Queue => queue::drain(&mut self.reducer, triangles),
+                Schedule::Vertices => vertices::drain(&mut self.reducer, triangles),
+            }
             if self.reducer.surface.face_count() == before {
                 return Stop::Stuck;
             }

@@ -6,30 +6,27 @@
 
 use super::appearance::Appearance;
 use super::cost::{Candidate, Cost};
+use super::normals::FaceNormals;
 use super::options::Options;
-use crate::curvature::normal_and_area;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
 use smallvec::SmallVec;
 
 pub(crate) struct Melax {
-    /// Unit normal of each face.
-    normals: Vec<DVec3>,
-    /// The point that the last collapse made: its faces are those that have changed.
-    joined: u32,
+    normals: FaceNormals,
     appearance: Appearance,
 }
 
 impl Melax {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
-        Self { normals: face_normals(surface), joined: 0, appearance: Appearance::new(surface, edges, options) }
+        Self { normals: FaceNormals::default(), appearance: Appearance::new(surface, edges, options) }
     }
 
     /// Curvature of moving `from` onto `onto`: 0 flat … 1.
     fn curvature(&self, surface: &Surface, from: u32, onto: u32) -> f64 {
         let ring = surface.ring(from);
-        let normal = |corner: u32| self.normals[Surface::face_of(corner)];
+        let normal = |corner: u32| self.normals.at(corner).0;
         let sides: SmallVec<[DVec3; 4]> =
             ring.iter().filter(|&&c| surface.opposite(c).contains(&onto)).map(|&c| normal(c)).collect();
         let turn = |&corner: &u32| {
@@ -48,18 +45,9 @@ impl Melax {
     }
 }
 
-fn face_normals(surface: &Surface) -> Vec<DVec3> {
-    let mut normals = Vec::new();
-    for f in surface.live_faces() {
-        normals.resize(f + 1, DVec3::ZERO);
-        normals[f] = normal_and_area(surface.triangle(f)).0;
-    }
-    normals
-}
-
 impl Cost for Melax {
     fn refresh(&mut self, surface: &Surface, _edges: &[Edge]) {
-        self.normals = face_normals(surface);
+        self.normals.refresh(surface);
         self.appearance.refresh(surface);
     }
 
@@ -82,14 +70,11 @@ impl Cost for Melax {
     }
 
     fn merged(&mut self, kept: u32, gone: u32) {
-        self.joined = kept;
+        self.normals.follow(kept);
         self.appearance.merged(kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        for &corner in surface.ring(point).iter().filter(|_| point == self.joined) {
-            let face = Surface::face_of(corner);
-            self.normals[face] = normal_and_area(surface.triangle(face)).0;
-        }
+        self.normals.update(surface, point);
     }
 }

@@ -6,10 +6,9 @@ use super::options::Options;
 use super::quadric::Quadric;
 use crate::attributes::Metric;
 use crate::curvature::{Curvature, border_points, normal_and_area};
-use crate::mesh::edges::Edge;
+use crate::mesh::edges::{Edge, EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
-use crate::simplify::guard::is_on_border;
 use glam::DVec3;
 
 /// ESQEM's a: the curvature term lies two orders of magnitude below the quadric term.
@@ -61,10 +60,12 @@ impl Paper {
 
     fn add_outlines(&mut self, surface: &Surface, edges: &[Edge]) {
         for edge in edges.iter().filter(|e| self.constraints.weight(e.kind) > 0.0) {
-            let mut plane = Quadric::default();
-            plane.add_scaled(&upright_planes(surface, edge), self.constraints.weight(edge.kind));
-            self.quadrics[edge.a as usize].add(&plane);
-            self.quadrics[edge.b as usize].add(&plane);
+            let (through, weight) = (surface.points[edge.a as usize], self.constraints.weight(edge.kind));
+            for normal in upright_planes(surface, edge) {
+                let plane = Quadric::plane(normal, through, weight);
+                self.quadrics[edge.a as usize].add(&plane);
+                self.quadrics[edge.b as usize].add(&plane);
+            }
         }
     }
 
@@ -124,7 +125,9 @@ impl Cost for Paper {
 
     fn update(&mut self, surface: &Surface, point: u32) {
         if let Some(curvature) = self.curvatures.get_mut(point as usize) {
-            *curvature = Curvature::at(surface, point, is_on_border(surface, point));
+            let on_border = |q| edge_kind(surface, point, q).is_some_and(|kind| kind.has(EdgeKind::BORDER));
+            let border = surface.neighbours(point).into_iter().any(on_border);
+            *curvature = Curvature::at(surface, point, border);
         }
     }
 

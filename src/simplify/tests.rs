@@ -2,13 +2,15 @@
 //!
 //! Its faces have the normals (±1, 0, 1)/√2 and (0, ±1, 1)/√2 and the area √2; a slope is √3 long.
 
-use super::cost::{Cost, Rank};
+use super::cost::Cost;
 use super::fms::Fms;
 use super::melax::Melax;
 use super::paper::Paper;
 use super::qfvp::Qfvp;
 use super::reducer::Reducer;
-use super::{Algorithm, AttributeWeights, EdgePolicy, FeatureWeight, NormalUpdate, Options, queue, vertices};
+use super::{
+    Algorithm, AttributeWeights, EdgePolicy, FeatureWeight, NormalUpdate, Options, queue, queue::Rank, vertices,
+};
 use crate::curvature::{Curvature, border_points};
 use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::surface::Surface;
@@ -204,9 +206,9 @@ fn terrain(n: u32) -> Mesh {
 }
 
 fn cheapest_edge(reducer: &mut Reducer) -> (Rank, u32, u32) {
-    let edges = reducer.refresh();
+    reducer.refresh();
     let judge = |e: &Edge| Some((Rank::of(reducer.judge(e.a, e.b)?.cost), e.a, e.b));
-    edges.iter().filter_map(judge).min().expect("edges")
+    reducer.edges.iter().filter_map(judge).min().expect("edges")
 }
 
 #[test]

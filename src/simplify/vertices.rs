@@ -3,26 +3,26 @@
 //! One entry a vertex, a third of what a queue of edges holds. A weight is recomputed for the joined vertex and its neighbours only; a vertex
 //! further out keeps its old one until its turn, when its best edge is looked for anew.
 
-use super::cost::Rank;
 use super::prune;
+use super::queue::Rank;
 use super::reducer::{Outcome, Reducer, Terms};
 use smallvec::SmallVec;
 
 /// Collapses until `target` faces (± 1) or the end of the queue. Refused edges come back when something next to them changes.
 pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
-    let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
+    let mut pieces = reducer.pieces().into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
     while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
         let Some(point) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
             continue;
         };
         let Some(best) = queue.find_best(reducer, point) else { continue };
         if let Some(piece) = pieces.next_if(|p| p.cost <= best.rank.cost()) {
-            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
             queue.weigh(reducer, point);
             continue;
         }
@@ -47,16 +47,24 @@ struct Best {
     paid: bool,
 }
 
-/// The heap, and for each vertex the edges that were refused since something near changed, with the price at which they may go.
+/// An edge that was refused, by its other end.
+#[derive(Debug, Clone, Copy)]
+struct Refused {
+    other: u32,
+    /// What it may go for, if it may at all.
+    price: Option<Rank>,
+}
+
+/// The heap, and for each vertex the edges that were refused since something near changed.
 struct Queue {
     heap: IndexedHeap,
-    refused: Vec<SmallVec<[(u32, Option<Rank>); 1]>>,
+    refused: Vec<SmallVec<[Refused; 1]>>,
 }
 
 impl Queue {
     fn fill(reducer: &mut Reducer) -> Self {
-        let edges = reducer.refresh();
-        reducer.count_locked(&edges);
+        reducer.refresh();
+        reducer.count_locked();
         let points = reducer.surface.points.len();
         let mut queue = Self { heap: IndexedHeap::new(points), refused: vec![SmallVec::new(); points] };
         (0..points as u32).for_each(|p| queue.weigh(reducer, p));
@@ -66,8 +74,8 @@ impl Queue {
     fn find_best(&self, reducer: &Reducer, point: u32) -> Option<Best> {
         let refused = &self.refused[point as usize];
         let judge = |other: u32| {
-            if let Some((_, price)) = refused.iter().find(|(p, _)| *p == other) {
-                return price.map(|rank| Best { rank, other, paid: true });
+            if let Some(edge) = refused.iter().find(|edge| edge.other == other) {
+                return edge.price.map(|rank| Best { rank, other, paid: true });
             }
             let candidate = reducer.judge(point.min(other), point.max(other))?;
             Some(Best { rank: Rank::of(candidate.cost), other, paid: false })
@@ -85,8 +93,8 @@ impl Queue {
 
     fn set_back(&mut self, reducer: &Reducer, point: u32, other: u32, price: Option<Rank>) {
         let refused = &mut self.refused[point as usize];
-        refused.retain(|(p, _)| *p != other);
-        refused.push((other, price));
+        refused.retain(|edge| edge.other != other);
+        refused.push(Refused { other, price });
         self.weigh(reducer, point);
     }
 
