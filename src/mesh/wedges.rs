@@ -70,11 +70,6 @@ impl Wedges {
         &self.columns
     }
 
-    /// Numbers a row.
-    pub fn stride(&self) -> usize {
-        self.stride
-    }
-
     /// `value` within the source's range of the number `index` of a row.
     pub fn within_range(&self, index: usize, value: f32) -> f32 {
         let (low, high) = self.range[index];

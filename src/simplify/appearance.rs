@@ -3,20 +3,18 @@
 //! The papers know geometry alone. On a closed surface without attributes everything here is zero, and their costs stand as printed.
 
 use super::constraints::{Constraints, upright_planes};
-use super::options::{AttributeWeights, Options};
+use super::options::Options;
 use super::quadric::Quadric;
 use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
 use glam::DVec3;
 
 /// Cost of an edge's length², where nothing else costs anything: shortest first beats index order.
 const LENGTH_COST: f64 = 1e-12;
 
-/// Outlines accumulated at points, and the weights of attributes.
+/// Outlines accumulated at points, and what attributes count.
 pub(crate) struct Appearance {
-    weights: AttributeWeights,
     /// One a point: whether a line that costs something runs through it.
     on_outline: Vec<bool>,
     /// The planes that stand on those lines; one a point if there is any line at all.
@@ -40,12 +38,22 @@ impl Appearance {
                 outlines[edge.b as usize].add(&plane);
             }
         }
-        Self { weights: options.attribute_weights, on_outline, outlines, metric: Metric::default() }
+        Self { on_outline, outlines, metric: Metric::new(surface, &options.attribute_weights) }
     }
 
-    /// Brings the weights of attributes up to date with the surface.
+    /// Brings what is known of attributes up to date with the whole surface.
     pub fn refresh(&mut self, surface: &Surface) {
-        self.metric = Metric::new(surface, &self.weights);
+        self.metric.refresh(surface);
+    }
+
+    /// The same with the faces around one point.
+    pub fn update(&mut self, surface: &Surface, point: u32) {
+        self.metric.update(surface, point);
+    }
+
+    /// What attributes count.
+    pub fn metric(&self) -> &Metric {
+        &self.metric
     }
 
     /// Follows a collapse.
@@ -75,7 +83,7 @@ impl Appearance {
         let mut cost = self.outline_at(a, b, x) + LENGTH_COST * square;
         if !self.metric.is_empty() && square > 0.0 {
             // The metric sums over areas; the papers' costs do not.
-            cost += self.metric.deviation(surface, &Merge::new(surface, a, b), x) / square;
+            cost += self.metric.deviation(surface, a, b, x) / square;
         }
         cost
     }

@@ -1,5 +1,6 @@
 //! What a collapse is worth and where the point goes: the policy that algorithms differ in.
 
+use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
@@ -33,6 +34,9 @@ pub(crate) trait Cost: Send + Sync {
         };
         edges.par_iter().map(judge).collect_into_vec(costs);
     }
+
+    /// What attributes count; up to date as the rest is.
+    fn metric(&self) -> &Metric;
 
     /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;

@@ -14,7 +14,6 @@ use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, find_edge};
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -43,7 +42,7 @@ impl Enhanced {
             apexes: curvatures.into_iter().map(|k| Apex::with_curvature(k.abs())).collect(),
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
-            metric: Metric::default(),
+            metric: Metric::new(surface, &options.attribute_weights),
         }
     }
 
@@ -86,8 +85,12 @@ impl Enhanced {
             candidate.map_or(UNRANKED, |c| c.cost as f32)
         };
         for (edge, cost) in edges.iter().zip(costs) {
-            if !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] || !self.metric.is_empty() {
+            if !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
                 *cost = judge(edge);
+            } else if !self.metric.is_empty() {
+                let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
+                let attributes = self.metric.deviation(surface, edge.a, edge.b, middle);
+                *cost += (attributes * self.subject(surface, [edge.a, edge.b], None).factor(weight)) as f32;
             }
         }
     }
@@ -109,7 +112,7 @@ impl Cost for Enhanced {
         for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
             self.add_edge(surface, edge, &[edge.a, edge.b]);
         }
-        self.metric = Metric::new(surface, &self.options.attribute_weights);
+        self.metric.refresh(surface);
     }
 
     fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
@@ -129,10 +132,14 @@ impl Cost for Enhanced {
         let position = fixed.unwrap_or(start + place.offset);
         let mut error = place.error;
         if !self.metric.is_empty() {
-            error += self.metric.deviation(surface, &Merge::new(surface, a, b), position);
+            error += self.metric.deviation(surface, a, b, position);
         }
         let cost = error * subject.factor(self.options.curvature_weight);
         cost.is_finite().then_some(Candidate { cost, position })
+    }
+
+    fn metric(&self) -> &Metric {
+        &self.metric
     }
 
     fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
@@ -149,6 +156,7 @@ impl Cost for Enhanced {
     fn update(&mut self, surface: &Surface, point: u32) {
         let faces = surface.ring(point).iter().map(|&c| Facet::of(surface.triangle(Surface::face_of(c))));
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
+        self.metric.update(surface, point);
         if !self.ridged[point as usize] {
             return;
         }

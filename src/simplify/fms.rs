@@ -8,6 +8,7 @@ use super::appearance::Appearance;
 use super::cost::{Candidate, Cost};
 use super::normals::FaceNormals;
 use super::options::Options;
+use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::{Corner, Surface};
 use glam::DVec3;
@@ -117,6 +118,10 @@ impl Cost for Fms {
         cost.is_finite().then_some(Candidate { cost, position })
     }
 
+    fn metric(&self) -> &Metric {
+        self.appearance.metric()
+    }
+
     fn weigh(&self, _area: f64, distance_squared: f64) -> f64 {
         distance_squared
     }
@@ -130,6 +135,7 @@ impl Cost for Fms {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
+        self.appearance.update(surface, point);
         self.normals.update(surface, point);
         self.points[point as usize].curvature = relative_curvature(surface.ring(point), &self.normals);
     }

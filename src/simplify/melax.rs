@@ -8,6 +8,7 @@ use super::appearance::Appearance;
 use super::cost::{Candidate, Cost};
 use super::normals::FaceNormals;
 use super::options::Options;
+use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
@@ -65,6 +66,10 @@ impl Cost for Melax {
         best.cost.is_finite().then_some(best)
     }
 
+    fn metric(&self) -> &Metric {
+        self.appearance.metric()
+    }
+
     fn weigh(&self, _area: f64, distance_squared: f64) -> f64 {
         distance_squared.sqrt()
     }
@@ -75,6 +80,7 @@ impl Cost for Melax {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
+        self.appearance.update(surface, point);
         self.normals.update(surface, point);
     }
 }

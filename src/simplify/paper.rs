@@ -8,7 +8,6 @@ use crate::attributes::Metric;
 use crate::curvature::{Curvature, border_points, normal_and_area};
 use crate::mesh::edges::{Edge, EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
 use glam::DVec3;
 
 /// ESQEM's a: the curvature term lies two orders of magnitude below the quadric term.
@@ -18,7 +17,6 @@ const CURVATURE_SHARE: f64 = 0.01;
 pub(crate) struct Paper {
     constraints: Constraints,
     room: Room,
-    options: Options,
     quadrics: Vec<Quadric>,
     curvatures: Vec<Curvature>,
     /// ω = a · Q_avg / K_avg; 0 for QEM.
@@ -32,11 +30,10 @@ impl Paper {
         let mut paper = Self {
             constraints: Constraints::new(options),
             room: Room::of(&surface.points),
-            options: options.clone(),
             quadrics: face_quadrics(surface),
             curvatures: Vec::new(),
             omega: 0.0,
-            metric: Metric::default(),
+            metric: Metric::new(surface, &options.attribute_weights),
         };
         paper.add_outlines(surface, edges);
         paper
@@ -97,7 +94,7 @@ impl Cost for Paper {
         if !self.curvatures.is_empty() {
             self.curvatures = curvatures(surface, edges);
         }
-        self.metric = Metric::new(surface, &self.options.attribute_weights);
+        self.metric.refresh(surface);
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
@@ -108,10 +105,14 @@ impl Cost for Paper {
             let area = pa.distance_squared(pb);
             // The quadrics here are not weighted by area; divided by it, the attribute term is of their unit.
             if area > 0.0 {
-                candidate.cost += self.metric.deviation(surface, &Merge::new(surface, a, b), candidate.position) / area;
+                candidate.cost += self.metric.deviation(surface, a, b, candidate.position) / area;
             }
         }
         candidate.cost.is_finite().then_some(candidate)
+    }
+
+    fn metric(&self) -> &Metric {
+        &self.metric
     }
 
     fn weigh(&self, _area: f64, distance_squared: f64) -> f64 {
@@ -124,6 +125,7 @@ impl Cost for Paper {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
+        self.metric.update(surface, point);
         if let Some(curvature) = self.curvatures.get_mut(point as usize) {
             let on_border = |q| edge_kind(surface, point, q).is_some_and(|kind| kind.has(EdgeKind::BORDER));
             let border = surface.neighbours(point).into_iter().any(on_border);

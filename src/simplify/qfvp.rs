@@ -8,6 +8,7 @@ use super::cost::{Candidate, Cost, Reach, cheapest};
 use super::options::{FeatureWeight, NormalUpdate, Options};
 use super::paper::face_quadrics;
 use super::quadric::Quadric;
+use crate::attributes::Metric;
 use crate::curvature::normal_and_area;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
@@ -124,6 +125,10 @@ impl Cost for Qfvp {
         cost.is_finite().then_some(Candidate { cost, position })
     }
 
+    fn metric(&self) -> &Metric {
+        self.appearance.metric()
+    }
+
     fn weigh(&self, _area: f64, distance_squared: f64) -> f64 {
         distance_squared
     }
@@ -137,6 +142,7 @@ impl Cost for Qfvp {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
+        self.appearance.update(surface, point);
         let state = &mut self.points[point as usize];
         state.faces = surface.ring(point).len() as u32;
         if self.normals == NormalUpdate::Recompute {

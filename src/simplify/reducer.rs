@@ -125,7 +125,7 @@ impl Reducer {
         if !self.surface.wedges.is_plain() {
             let t = (candidate.position - start).dot(along) / along.length_squared();
             let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
-            self.solution.solve(&self.surface, merge, candidate.position, t);
+            self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
         merge.apply(&mut self.surface, candidate.position);
         if !self.surface.wedges.is_plain() {
