@@ -1,5 +1,6 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
+use super::cost::Reach;
 use super::options::Options;
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
@@ -12,14 +13,16 @@ use std::collections::BinaryHeap;
 
 /// A cost as a key for sorting: costs are never negative, so their bits order as they do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Rank(u64);
+pub(crate) struct Rank(u64);
 
 impl Rank {
-    fn of(cost: f64) -> Self {
+    /// Of a cost ≥ 0.
+    pub fn of(cost: f64) -> Self {
         Self(cost.max(0.0).to_bits())
     }
 
-    fn cost(self) -> f64 {
+    /// The cost.
+    pub fn cost(self) -> f64 {
         f64::from_bits(self.0)
     }
 }
@@ -38,15 +41,19 @@ struct Queue {
     heap: BinaryHeap<Reverse<Entry>>,
     /// Raised whenever what is known about a point's edges becomes old.
     versions: Vec<u32>,
+    /// Points with an edge that was refused or fined: it gets another chance when something next to it changes.
+    waiting: Vec<bool>,
 }
 
 impl Queue {
     fn fill(reducer: &mut Reducer) -> Self {
         reducer.refresh();
         reducer.count_locked();
+        let points = reducer.surface.points.len();
         let mut queue = Self {
             heap: BinaryHeap::with_capacity(reducer.edges.len()),
-            versions: vec![0; reducer.surface.points.len()],
+            versions: vec![0; points],
+            waiting: vec![false; points],
         };
         for e in &reducer.edges {
             queue.push(reducer, e.a, e.b);
@@ -89,13 +96,15 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         }
         let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
         let terms = Terms { paid: entry.paid, most: left + 1 };
-        match reducer.collapse((entry.a, entry.b), candidate, terms) {
-            Outcome::Done(_) => {
-                touched[entry.a as usize] = true;
-                requeue(&mut queue, reducer, entry.a, entry.b);
-            }
-            Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry })),
-            Outcome::Refused => {}
+        let outcome = reducer.collapse((entry.a, entry.b), candidate, terms);
+        if let Outcome::Done(_) = outcome {
+            touched[entry.a as usize] = true;
+            requeue(&mut queue, reducer, entry.a, entry.b);
+            continue;
+        }
+        [entry.a, entry.b].iter().for_each(|&p| queue.waiting[p as usize] = true);
+        if let Outcome::Fined(cost) = outcome {
+            queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry }));
         }
     }
 }
@@ -126,18 +135,22 @@ fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touche
     prune::remove(&mut reducer.surface, piece, most, fresh);
 }
 
-/// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.
+/// Judges anew every edge whose cost the collapse changed: those at the joined point and, where costs reach so far, at its neighbours.
 fn requeue(queue: &mut Queue, reducer: &mut Reducer, kept: u32, gone: u32) {
-    let around = reducer.surface.neighbours(kept);
-    queue.versions[gone as usize] = queue.versions[gone as usize].wrapping_add(1);
-    for &p in around.iter().chain(&[kept]) {
-        reducer.cost.update(&reducer.surface, p);
+    let mut around = reducer.surface.neighbours(kept);
+    around.insert(0, kept);
+    around.iter().for_each(|&p| reducer.cost.update(&reducer.surface, p));
+    around.iter().for_each(|&p| reducer.cost.settle(&reducer.surface, p));
+    let everywhere = reducer.cost.reach() == Reach::Neighbours;
+    around.retain(|p| everywhere || *p == kept || queue.waiting[*p as usize]);
+    for &p in around.iter().chain(&[gone]) {
         queue.versions[p as usize] = queue.versions[p as usize].wrapping_add(1);
+        queue.waiting[p as usize] = false;
     }
-    for &p in around.iter().chain(&[kept]) {
+    for &p in &around {
         for q in reducer.surface.neighbours(p) {
             // Edges between two changed points are met from both ends.
-            if p < q || !(q == kept || around.contains(&q)) {
+            if p < q || !around.contains(&q) {
                 queue.push(reducer, p, q);
             }
         }

@@ -4,10 +4,13 @@ use super::Refusals;
 use super::constraints::Constraints;
 use super::cost::{Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
+use super::fms::Fms;
 use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
+use super::melax::Melax;
 use super::options::{Algorithm, Mode, Options};
 use super::paper::Paper;
 use super::prune::{Piece, are_there_pieces, pieces};
+use super::qfvp::Qfvp;
 use crate::attributes::Solution;
 use crate::curvature::border_points;
 use crate::mesh::Mesh;
@@ -51,6 +54,9 @@ impl Reducer {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
             Algorithm::Esqem(Mode::Paper) => Box::new(Paper::esqem(&surface, &edges, options)),
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
+            Algorithm::Qfvp => Box::new(Qfvp::new(&surface, &edges, options)),
+            Algorithm::Fms => Box::new(Fms::new(&surface, &edges, options)),
+            Algorithm::Melax => Box::new(Melax::new(&surface, &edges, options)),
         };
         let points = surface.points.len();
         Self {
