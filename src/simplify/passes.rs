@@ -16,7 +16,7 @@ const LEAST_SHARE: f64 = 0.3;
 const COST_SLACK: f32 = 3.0;
 
 /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
-const REORDER: f64 = 2.0;
+const REORDER: f32 = 2.0;
 
 /// Memory that passes share.
 #[derive(Debug, Default)]
@@ -72,7 +72,8 @@ pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target:
             }
         }
         let Some(candidate) = reducer.judge(a, b) else { continue };
-        if candidate.cost > f64::from(cost) * REORDER {
+        // Compared as the turns are: what is nothing in single precision would come up again and again.
+        if candidate.cost as f32 > cost * REORDER {
             turns.defer(Turn { key: (candidate.cost as f32).to_bits(), ..turn });
             continue;
         }

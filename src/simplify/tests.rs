@@ -2,15 +2,16 @@
 //!
 //! Its faces have the normals (±1, 0, 1)/√2 and (0, ±1, 1)/√2 and the area √2; a slope is √3 long.
 
-use super::cost::Cost;
+use super::cost::{Candidate, Cost};
 use super::fms::Fms;
 use super::melax::Melax;
 use super::paper::Paper;
 use super::qfvp::Qfvp;
 use super::reducer::Reducer;
 use super::{
-    Algorithm, AttributeWeights, EdgePolicy, FeatureWeight, NormalUpdate, Options, queue, queue::Rank, vertices,
+    Algorithm, AttributeWeights, EdgePolicy, FeatureWeight, NormalUpdate, Options, passes, queue, queue::Rank, vertices,
 };
+use crate::attributes::Metric;
 use crate::curvature::{Curvature, border_points};
 use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::surface::Surface;
@@ -247,4 +248,36 @@ fn attributes_and_outlines_cost_in_every_algorithm() {
         assert!(off_the_border > free((7, 8), 0.0) + 1e-6, "{algorithm:?}");
         assert!(free(rim, 0.0).is_finite());
     }
+}
+
+/// Every collapse costs something that single precision cannot tell from nothing.
+struct Tiny(Metric);
+
+impl Cost for Tiny {
+    fn refresh(&mut self, _surface: &Surface, _edges: &[Edge]) {}
+
+    fn judge(&self, surface: &Surface, a: u32, _b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        Some(Candidate { cost: 1e-60, position: fixed.unwrap_or(surface.points[a as usize]) })
+    }
+
+    fn metric(&self) -> &Metric {
+        &self.0
+    }
+
+    fn weigh(&self, _area: f64, _distance_squared: f64) -> f64 {
+        1e-60
+    }
+
+    fn merged(&mut self, _kept: u32, _gone: u32) {}
+
+    fn update(&mut self, _surface: &Surface, _point: u32) {}
+}
+
+#[test]
+fn a_pass_ends_where_costs_vanish_in_single_precision() {
+    let mut reducer = Reducer::new(&terrain(8), &bare());
+    reducer.cost = Box::new(Tiny(Metric::default()));
+    let target = reducer.surface.face_count() / 2;
+    passes::run_pass(&mut reducer, &mut passes::Workspace::default(), target);
+    assert!(reducer.surface.face_count() < 2 * target);
 }
