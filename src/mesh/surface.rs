@@ -30,6 +30,8 @@ pub(crate) struct Surface {
     pub wedges: Wedges,
     rings: Rings,
     live: usize,
+    /// For each point the one it was joined to; itself if it was not.
+    heirs: Vec<u32>,
 }
 
 /// A shift and a scale by a power of two: exact for the source's coordinates in both directions.
@@ -153,7 +155,8 @@ impl Surface {
         drop_copies(&mut faces, &mut corners);
         let rings = Rings::build(points.len(), &faces);
         let live = faces.len();
-        Self { frame, points, faces, corners, wedges: Wedges::new(mesh, &welded.wedge_vertex), rings, live }
+        let heirs = (0..points.len() as u32).collect();
+        Self { frame, points, faces, corners, wedges: Wedges::new(mesh, &welded.wedge_vertex), rings, live, heirs }
     }
 
     /// Number of faces.
@@ -255,11 +258,35 @@ impl Surface {
         face
     }
 
+    /// Ids of faces are below this.
+    pub fn face_slots(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// Puts another point, with a wedge, into corner `k` of a face.
+    pub fn replace_corner(&mut self, face: usize, k: usize, point: u32, wedge: u32) {
+        let corner = (face as u32) << 2 | k as u32;
+        self.rings.remove(self.faces[face][k], corner);
+        self.rings.push(point, corner);
+        self.faces[face][k] = point;
+        self.corners[face][k] = wedge;
+    }
+
     /// Adds a point without faces.
     pub fn add_point(&mut self, position: DVec3) -> u32 {
         self.points.push(position);
         self.rings.spans.push(Span::default());
-        self.points.len() as u32 - 1
+        let point = self.points.len() as u32 - 1;
+        self.heirs.push(point);
+        point
+    }
+
+    /// The point that `point` has become part of.
+    pub fn heir(&self, mut point: u32) -> u32 {
+        while self.heirs[point as usize] != point {
+            point = self.heirs[point as usize];
+        }
+        point
     }
 
     /// Gives every corner of `gone` to `kept`; faces that have both must have been removed.
@@ -268,6 +295,7 @@ impl Surface {
             self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
         }
         self.rings.join(kept, gone);
+        self.heirs[gone as usize] = kept;
     }
 
     /// Replaces the wedge of every corner at `point` by `map` of it.

@@ -43,6 +43,9 @@ pub(crate) trait Cost: Send + Sync {
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, kept: u32, gone: u32);
 
+    /// Makes room for points that `surface` has and the cost has not met.
+    fn grow(&mut self, surface: &Surface);
+
     /// Brings what is known of one point up to date with the faces around it. Only the queue asks for it.
     fn update(&mut self, surface: &Surface, point: u32);
 }

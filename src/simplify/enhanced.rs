@@ -177,6 +177,20 @@ impl Cost for Enhanced {
         *kept = 0.5 * (*kept + gone);
     }
 
+    fn grow(&mut self, surface: &Surface) {
+        let known = self.points.len();
+        for p in known..surface.points.len() {
+            // New points take the mean of their neighbours' curvature; the rest is rebuilt at each pass.
+            let (mut sum, mut count) = (0.0, 0.0);
+            for n in surface.neighbours(p as u32).into_iter().filter(|&n| (n as usize) < known) {
+                sum += self.points[n as usize].curvature;
+                count += 1.0;
+            }
+            let curvature = if count > 0.0 { sum / count } else { 0.0 };
+            self.points.push(PointState { curvature, ..PointState::default() });
+        }
+    }
+
     fn update(&mut self, surface: &Surface, point: u32) {
         let (mut quadric, volume) = Self::of_faces(surface, point);
         for other in surface.neighbours(point) {

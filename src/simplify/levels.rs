@@ -3,6 +3,7 @@
 use super::deviation::Deviation;
 use super::options::{Algorithm, Effort, Mode, Options, Schedule, Target};
 use super::reducer::Reducer;
+use super::refine::Refiner;
 use super::split::{faces_added, long_edges, split_at_midpoints, split_at_source};
 use super::{Chain, Level, Refusals, Stop, passes, queue};
 use crate::error::Result;
@@ -45,7 +46,9 @@ const ERROR_STEP: f64 = 0.93;
 /// ```
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
-    let mut chain = Builder { mesh, options, reducer: Reducer::new(mesh, options), deviation: None };
+    let reducer = Reducer::new(mesh, options);
+    let refiner = (options.effort > Effort::Fast).then(|| Refiner::new(&reducer.surface, options.effort));
+    let mut chain = Builder { mesh, options, reducer, deviation: None, refiner };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
 }
@@ -56,6 +59,7 @@ struct Builder<'a> {
     reducer: Reducer,
     /// Built when first asked for.
     deviation: Option<Deviation>,
+    refiner: Option<Refiner>,
 }
 
 impl Builder<'_> {
@@ -120,8 +124,16 @@ impl Builder<'_> {
     fn reduce_with_splits(&mut self, triangles: usize) -> (Mesh, Stop) {
         match (self.options.algorithm, self.options.split_factor) {
             (Algorithm::Esqem(Mode::Paper), Some(factor)) => self.split_as_in_paper(triangles, f64::from(factor)),
-            (Algorithm::Esqem(Mode::Enhanced), Some(factor)) if self.options.effort > Effort::Fast => {
-                self.split_where_it_helps(triangles, f64::from(factor))
+            (Algorithm::Esqem(Mode::Enhanced), _) if self.options.effort > Effort::Fast => {
+                let room = 2 * (triangles as f32 * super::refine::env("ROOM", 0.02) * 0.5) as usize;
+                let stop = self.reduce((triangles - room).max(self.options.min_triangles).min(triangles));
+                let mut surface = self.reducer.surface.clone();
+                surface.compact();
+                if let Some(refiner) = &mut self.refiner {
+                    refiner.refine(&mut surface, self.reducer.locked(), triangles);
+                }
+                self.reducer.adopt(surface);
+                (self.reducer.surface.to_mesh(), stop)
             }
             _ => {
                 let stop = self.reduce(triangles);

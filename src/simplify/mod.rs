@@ -13,6 +13,7 @@ mod prune;
 mod quadric;
 mod queue;
 mod reducer;
+mod refine;
 mod split;
 
 pub use levels::simplify;

@@ -128,6 +128,14 @@ impl Cost for Paper {
         self.quadrics[kept as usize].add(&gone);
     }
 
+    fn grow(&mut self, surface: &Surface) {
+        self.quadrics.resize(surface.points.len(), Quadric::default());
+        if !self.curvatures.is_empty() {
+            let new = self.curvatures.len() as u32..surface.points.len() as u32;
+            self.curvatures.extend(new.map(|p| Curvature::at(surface, p, is_on_border(surface, p))));
+        }
+    }
+
     fn update(&mut self, surface: &Surface, point: u32) {
         if let Some(curvature) = self.curvatures.get_mut(point as usize) {
             *curvature = Curvature::at(surface, point, is_on_border(surface, point));

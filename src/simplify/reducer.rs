@@ -38,6 +38,18 @@ impl Reducer {
         Self { surface, cost, refusals: Refusals::default(), constraints, locked, solution: Solution::default() }
     }
 
+    /// Points that may not move.
+    pub fn locked(&self) -> &[bool] {
+        &self.locked
+    }
+
+    /// Goes on from another surface, made from this one by moving, adding and joining points.
+    pub fn adopt(&mut self, surface: Surface) {
+        self.locked.resize(surface.points.len(), false);
+        self.cost.grow(&surface);
+        self.surface = surface;
+    }
+
     /// All edges as they are now, known to the cost.
     pub fn refresh(&mut self) -> Vec<Edge> {
         self.surface.compact();
