@@ -6,6 +6,7 @@
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Ruler, Sampling};
 use crate::mesh::{Mesh, Semantic};
+pub use crate::meshoptimizer::BareCalls;
 use crate::meshoptimizer::{self, Flags, Input, MAX_ATTRIBUTES};
 use glam::{DVec2, DVec3, Vec3};
 
@@ -130,8 +131,8 @@ fn is_met(found: usize, target: usize) -> bool {
     found.abs_diff(target) <= target / 100 + 2
 }
 
-/// A mesh as the library wants it.
-struct Prepared {
+/// A mesh as the library wants it, to be simplified more than once.
+pub struct Prepared {
     mesh: Mesh,
     /// The group of each vertex.
     groups: Vec<u32>,
@@ -150,7 +151,11 @@ struct Channel {
 }
 
 impl Prepared {
-    fn new(mesh: &Mesh) -> Result<Self> {
+    /// Merges equal vertices, separates groups and weighs attributes.
+    ///
+    /// # Errors
+    /// As [`simplify`].
+    pub fn new(mesh: &Mesh) -> Result<Self> {
         check_mesh(mesh)?;
         let mesh = merge_equal_vertices(&separate_groups(mesh));
         let groups = find_vertex_groups(&mesh);
@@ -166,9 +171,39 @@ impl Prepared {
         Ok(Self { mesh, groups, protected, channels, values, weights })
     }
 
+    /// Whether the mesh has attributes that count: without, [`Settings::attributes`] has no effect.
+    pub fn has_attributes(&self) -> bool {
+        !self.weights.is_empty()
+    }
+
+    /// The library's calls with these settings and nothing around them: for timing.
+    ///
+    /// # Errors
+    /// As [`simplify`].
+    pub fn bare_calls(&self, settings: Settings) -> Result<BareCalls<'_>> {
+        BareCalls::new(self.input(settings), settings.flags(), settings.update)
+    }
+
+    fn input(&self, settings: Settings) -> Input<'_> {
+        let (attributes, weights) =
+            if settings.attributes { (&*self.values, &*self.weights) } else { Default::default() };
+        Input {
+            positions: &self.mesh.positions,
+            triangles: &self.mesh.triangles,
+            attributes,
+            weights,
+            protected: &self.protected,
+        }
+    }
+
+    /// Simplifies to `target` triangles.
+    ///
     /// One step of the library can take many triangles, so that it ends below the target: then what to ask for is
     /// bisected, and the result that comes closest from below counts.
-    fn run(&self, target: usize, settings: Settings) -> Result<Baseline> {
+    ///
+    /// # Errors
+    /// As [`simplify`].
+    pub fn run(&self, target: usize, settings: Settings) -> Result<Baseline> {
         let target = target.min(self.mesh.triangles.len());
         let mut best = self.run_once(target, target, settings)?;
         let (mut enough, mut limit) = (target, 2 * target - best.mesh.triangles.len().min(target));
@@ -192,19 +227,12 @@ impl Prepared {
     }
 
     fn run_once(&self, wanted: usize, target: usize, settings: Settings) -> Result<Baseline> {
-        let (values, weights) = if settings.attributes { (&*self.values, &*self.weights) } else { Default::default() };
-        let input = Input {
-            positions: &self.mesh.positions,
-            triangles: &self.mesh.triangles,
-            attributes: values,
-            weights,
-            protected: &self.protected,
-        };
+        let input = self.input(settings);
         let flags = settings.flags();
         let mesh = if settings.update {
             let updated = meshoptimizer::simplify_with_update(&input, wanted, flags)?;
             let mut source = Mesh { positions: updated.positions, ..self.mesh.clone() };
-            self.store_values(&mut source, &updated.attributes, weights.len());
+            self.store_values(&mut source, &updated.attributes, input.weights.len());
             extract(&source, updated.triangles, &self.groups)
         } else {
             extract(&self.mesh, meshoptimizer::simplify(&input, wanted, flags)?, &self.groups)
@@ -480,6 +508,24 @@ mod tests {
     }
 
     /// Every triangle is a group of its own: no vertex may leave its place.
+    /// The calls that are timed are those that are measured.
+    #[test]
+    fn bare_calls_do_what_the_others_do() {
+        let prepared = Prepared::new(&sphere(16, false)).unwrap();
+        for (attributes, permissive, update) in
+            [(false, false, false), (false, false, true), (true, false, false), (true, true, false), (true, true, true)]
+        {
+            let settings = Settings { attributes, permissive, update, ..Settings::default() };
+            let calls = prepared.bare_calls(settings).unwrap();
+            for target in [480, 240, 60] {
+                let found = prepared.run_once(target, target, settings).unwrap().mesh.triangles.len();
+                assert_eq!(calls.run_chain(&[target]), found, "{}", settings.name());
+            }
+            assert_eq!(calls.run_chain(&[]), 960);
+            assert!((40..=60).contains(&calls.run_chain(&[480, 240, 60])), "{}", settings.name());
+        }
+    }
+
     #[test]
     fn an_impossible_target_is_reported() {
         let mesh = sphere(8, true);

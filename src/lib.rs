@@ -3,6 +3,7 @@
 pub mod asset;
 mod attributes;
 pub mod baseline;
+pub mod bench;
 mod bvh;
 pub mod coverage;
 mod curvature;

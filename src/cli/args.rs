@@ -29,6 +29,16 @@ Examples:
   gltf-lod build assets --in-place                       overwrite the sources (keep them in version control)";
 
 /// Builds measured levels of detail into glTF files (MSFT_lod).
+const BENCH_HELP: &str = "\
+Levels are 0.5,0.25,0.125,0.0625 unless --levels says otherwise; presets decide about the rest.
+Ours is timed from mesh to levels on all threads, meshoptimizer by its library calls alone, each on
+the source, or `chained`: each on what the one before left. Of several rounds the minimum counts.
+Figures are over those of meshoptimizer's plain simplify of the source; below 1, ours is better.
+
+Examples:
+  gltf-lod bench models --effort fast
+  gltf-lod bench bunny.glb --levels 0.5,0.1,0.01 --runs 20 --json";
+
 #[derive(Debug, Parser)]
 #[command(name = "gltf-lod", version, after_help = format!("{MAIN_HELP}\n\n{EXIT_CODES}"))]
 pub struct Cli {
@@ -52,6 +62,12 @@ pub enum Command {
     /// mean that ours is nearer.
     #[command(after_help = EXIT_CODES)]
     Compare(Compare),
+    /// Time our chains against meshoptimizer's and measure both
+    ///
+    /// Every mesh that `build` would make levels of: time from mesh to all levels, memory, and at equal triangle counts the distances,
+    /// angles and slivers of ours and of every mode of meshoptimizer. Close other programs meanwhile.
+    #[command(after_help = format!("{BENCH_HELP}\n\n{EXIT_CODES}"))]
+    Bench(Bench),
     /// Write a commented gltf-lod.toml
     Init(Init),
     /// List the built-in presets
@@ -99,6 +115,23 @@ pub struct Compare {
     pub file: PathBuf,
     #[command(flatten)]
     pub preset: PresetArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// .glb or .gltf files, and directories that are walked for them
+    #[arg(required = true, value_name = "FILE")]
+    pub inputs: Vec<PathBuf>,
+    #[command(flatten)]
+    pub preset: PresetArgs,
+    /// Rounds of timing [default: until the minima settle]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub runs: Option<u16>,
     /// Print JSON
     #[arg(long)]
     pub json: bool,

@@ -44,6 +44,16 @@ impl Progress {
         }
     }
 
+    fn count_file(&self, bytes: u64, describe: impl FnOnce() -> String) {
+        let done = self.files_done.fetch_add(1, Ordering::Relaxed) + 1;
+        match &self.display {
+            Display::Quiet => {}
+            Display::Lines => write_line(&format!("[{done}/{}] {}", self.files.load(Ordering::Relaxed), describe())),
+            Display::Bars { files, .. } => files.inc(bytes),
+        }
+        self.show_counts();
+    }
+
     /// The position counts bytes: files differ in size by orders of magnitude, and the time left goes by what is left to read.
     fn show_counts(&self) {
         if let Display::Bars { files, .. } = &self.display {
@@ -99,16 +109,11 @@ impl Observer for Progress {
     }
 
     fn asset_finished(&self, report: &FileReport) {
-        let done = self.files_done.fetch_add(1, Ordering::Relaxed) + 1;
-        match &self.display {
-            Display::Quiet => {}
-            Display::Lines => {
-                let total = self.files.load(Ordering::Relaxed);
-                write_line(&format!("[{done}/{total}] {}: {}", report.path, describe_status(report)));
-            }
-            Display::Bars { files, .. } => files.inc(report.source_bytes),
-        }
-        self.show_counts();
+        self.count_file(report.source_bytes, || format!("{}: {}", report.path, describe_status(report)));
+    }
+
+    fn asset_benched(&self, path: &str, bytes: u64) {
+        self.count_file(bytes, || path.to_owned());
     }
 
     fn elapsed(&self) -> Option<Duration> {

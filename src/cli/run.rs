@@ -1,10 +1,12 @@
 //! Commands: from arguments to library calls, output and exit code.
 
-use super::args::{Build, Cli, Command, Compare, Init, Inspect};
+use super::args::{Bench, Build, Cli, Command, Compare, Init, Inspect};
+use super::instruments::Process;
 use super::progress::{Progress, write_line};
 use anyhow::Context;
 use clap::Parser;
 use gltf_lod::asset::Limits;
+use gltf_lod::bench::{BenchOptions, describe_bench};
 use gltf_lod::emit::{self, Content, Output, OutputFile};
 use gltf_lod::report::{self, Detail, Outcome, Report};
 use gltf_lod::{BuildOptions, Error, Kind, preset};
@@ -27,6 +29,7 @@ pub fn run(cli: &Cli) -> ExitCode {
         Command::Build(args) => build(args),
         Command::Inspect(args) => inspect(args),
         Command::Compare(args) => compare(args),
+        Command::Bench(args) => bench(args),
         Command::Init(args) => init(args),
         Command::Presets => list_presets(),
     };
@@ -60,12 +63,16 @@ fn build(args: &Build) -> anyhow::Result<u8> {
     if let Some(file) = &args.report {
         write_file(file, report::to_json(&report, !args.no_times))?;
     }
-    Ok(match report.outcome() {
+    Ok(code_of(report.outcome()))
+}
+
+fn code_of(outcome: Outcome) -> u8 {
+    match outcome {
         Outcome::Fine => 0,
         Outcome::GateFailed => GATE_FAILED,
         Outcome::Preset => USAGE,
         Outcome::Trouble => TROUBLE,
-    })
+    }
 }
 
 /// The summary shows them too; without it they are all that says why the exit code is 1.
@@ -100,6 +107,28 @@ fn compare(args: &Compare) -> anyhow::Result<u8> {
         print(&report::describe_comparison(&file))?;
     }
     Ok(0)
+}
+
+fn bench(args: &Bench) -> anyhow::Result<u8> {
+    keep_panics_quiet(args.run.verbose);
+    let options = BenchOptions {
+        inputs: args.inputs.clone(),
+        flags: args.preset.flags(),
+        limits: Limits::default(),
+        jobs: args.run.jobs,
+        runs: args.runs.map(usize::from),
+    };
+    let progress = Progress::new(args.run.quiet || args.json);
+    let report = gltf_lod::bench::bench(&options, &Process::start(), &progress);
+    progress.finish();
+    let report = report?;
+    if args.json {
+        print_json(&report)?;
+    } else {
+        print(&describe_bench(&report, args.run.verbose))?;
+    }
+    report.problems.iter().for_each(|problem| write_line(&format!("error: {}", problem.error)));
+    Ok(code_of(report.outcome()))
 }
 
 fn init(args: &Init) -> anyhow::Result<u8> {

@@ -4,12 +4,18 @@ use super::surface::{Corner, Surface};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-/// An undirected edge, `a < b`.
+/// An undirected edge; `a < b` when collected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Edge {
     pub a: u32,
     pub b: u32,
     pub kind: EdgeKind,
+}
+
+impl Edge {
+    fn between(surface: &Surface, a: u32, b: u32, sides: &[Side]) -> Self {
+        Self { a, b, kind: classify(surface, sides) }
+    }
 }
 
 /// A set of properties of an edge.
@@ -49,52 +55,192 @@ type Side = (Corner, bool);
 
 /// All edges, ordered by first and then by second point's appearance around it.
 pub(crate) fn collect_edges(surface: &Surface) -> Vec<Edge> {
-    const CHUNK: usize = 4096;
+    const CHUNK: usize = 8192;
     let points = surface.points.len();
     let chunks: Vec<Vec<Edge>> = (0..points.div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let mut edges = Vec::with_capacity(3 * CHUNK + CHUNK / 2);
-            for a in chunk * CHUNK..((chunk + 1) * CHUNK).min(points) {
-                edges_from(surface, a as u32, &mut edges);
-            }
+            edges_from(surface, chunk * CHUNK..((chunk + 1) * CHUNK).min(points), &mut edges);
             edges
         })
         .collect();
     chunks.concat()
 }
 
-/// Appends the edges from `a` to points of higher index.
-fn edges_from(surface: &Surface, a: u32, edges: &mut Vec<Edge>) {
-    let mut spokes: SmallVec<[(u32, SmallVec<[Side; 2]>); 12]> = SmallVec::new();
-    for &corner in surface.ring(a) {
-        let [next, previous] = surface.opposite(corner);
-        for (b, forward) in [(next, true), (previous, false)] {
-            if b > a {
-                match spokes.iter_mut().find(|(p, _)| *p == b) {
-                    Some((_, sides)) => sides.push((corner, forward)),
-                    None => spokes.push((b, SmallVec::from_slice(&[(corner, forward)]))),
-                }
+/// The points at edges that are not plain, or with several wedges. Only edges between two of them can be anything but plain.
+#[derive(Debug, Default)]
+pub(crate) struct Irregular(Vec<bool>);
+
+impl Irregular {
+    /// Of the surface that has `edges`.
+    pub fn of(surface: &Surface, edges: &[Edge]) -> Self {
+        let mut irregular = vec![false; surface.points.len()];
+        for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
+            irregular[edge.a as usize] = true;
+            irregular[edge.b as usize] = true;
+        }
+        Self(irregular)
+    }
+
+    /// Follows a collapse. Of one that breaks the link condition (`breaking`) anything may have become of the edges around it.
+    pub fn follow(&mut self, surface: &Surface, kept: u32, gone: u32, breaking: bool) {
+        self.0[kept as usize] |= self.0[gone as usize] | breaking;
+        if breaking {
+            surface.neighbours(kept).iter().for_each(|&p| self.0[p as usize] = true);
+        }
+    }
+
+    /// Makes room for points at plain edges only.
+    pub fn grow(&mut self, points: usize) {
+        self.0.resize(points, false);
+    }
+
+    fn are_both(&self, a: u32, b: u32) -> bool {
+        self.0[a as usize] && self.0[b as usize]
+    }
+}
+
+/// All edges into `edges`, in the order of faces, those between irregular points last. The surface must be compact.
+///
+/// Between other points an edge has two faces of opposite directions: the one in which it runs upwards names it.
+pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &mut Vec<Edge>) {
+    const CHUNK: usize = 16384;
+    edges.clear();
+    let faces = surface.face_slots();
+    if faces <= CHUNK {
+        regular_edges(surface, irregular, 0..faces, edges);
+    } else {
+        let chunks: Vec<Vec<Edge>> = (0..faces.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let mut edges = Vec::with_capacity(3 * CHUNK / 2 + 64);
+                regular_edges(surface, irregular, chunk * CHUNK..((chunk + 1) * CHUNK).min(faces), &mut edges);
+                edges
+            })
+            .collect();
+        chunks.iter().for_each(|chunk| edges.extend_from_slice(chunk));
+    }
+    let mut fan = Fan::default();
+    for a in (0..surface.points.len() as u32).filter(|&a| irregular.0[a as usize]) {
+        let ring = surface.ring(a);
+        fan.fill(surface, ring);
+        fan.gather(surface, a, ring, edges, |b| irregular.0[b as usize]);
+    }
+}
+
+fn regular_edges(surface: &Surface, irregular: &Irregular, faces: std::ops::Range<usize>, edges: &mut Vec<Edge>) {
+    for f in faces {
+        let [p, q, r] = surface.face(f);
+        for (a, b) in [(p, q), (q, r), (r, p)] {
+            if a < b && !irregular.are_both(a, b) {
+                edges.push(Edge { a, b, kind: EdgeKind::default() });
             }
         }
     }
-    edges.extend(spokes.iter().map(|(b, sides)| Edge { a, b: *b, kind: classify(surface, sides) }));
+}
+
+/// Appends the edges from `points` to points of higher index.
+fn edges_from(surface: &Surface, points: std::ops::Range<usize>, edges: &mut Vec<Edge>) {
+    let mut fan = Fan::default();
+    for a in points {
+        let a = a as u32;
+        let ring = surface.ring(a);
+        fan.fill(surface, ring);
+        let begin = edges.len();
+        if !fan.pair_up(surface, a, ring, edges) {
+            edges.truncate(begin);
+            fan.gather(surface, a, ring, edges, |_| true);
+        }
+    }
+}
+
+/// The points after and before each corner of a ring.
+#[derive(Debug, Default)]
+struct Fan {
+    links: Vec<[u32; 2]>,
+}
+
+impl Fan {
+    fn fill(&mut self, surface: &Surface, ring: &[Corner]) {
+        self.links.clear();
+        self.links.extend(ring.iter().map(|&corner| surface.opposite(corner)));
+    }
+
+    /// Appends the edges from `a` to points of higher index, if each has at most two faces, of opposite directions, and no two links fall into one
+    /// slot; else gives `false`.
+    #[inline]
+    fn pair_up(&self, surface: &Surface, a: u32, ring: &[Corner], edges: &mut Vec<Edge>) -> bool {
+        const SLOTS: usize = 128;
+        const EMPTY: u8 = u8::MAX;
+        let slot = |point: u32| point as usize % SLOTS;
+        let mut ahead = [EMPTY; SLOTS];
+        if ring.len() > 64 {
+            return false;
+        }
+        for (i, &[b, _]) in self.links.iter().enumerate() {
+            let at = &mut ahead[slot(b)];
+            if *at != EMPTY {
+                return false;
+            }
+            *at = i as u8;
+        }
+        let mut paired = 0u64;
+        for (j, &[_, b]) in self.links.iter().enumerate() {
+            let i = ahead[slot(b)] as usize;
+            if self.links.get(i).is_some_and(|link| link[0] == b) {
+                if paired >> i & 1 == 1 {
+                    return false;
+                }
+                paired |= 1 << i;
+                if b > a {
+                    edges.push(Edge::between(surface, a, b, &[(ring[i], true), (ring[j], false)]));
+                }
+            } else if b > a {
+                if self.links[..j].iter().any(|link| link[1] == b) {
+                    return false;
+                }
+                edges.push(Edge::between(surface, a, b, &[(ring[j], false)]));
+            }
+        }
+        if paired.count_ones() as usize != ring.len() {
+            let open = self.links.iter().enumerate().filter(|(i, link)| paired >> i & 1 == 0 && link[0] > a);
+            edges.extend(open.map(|(i, &[b, _])| Edge::between(surface, a, b, &[(ring[i], true)])));
+        }
+        true
+    }
+
+    /// Appends the edges from `a` to points of higher index that are `wanted`, whatever they are like.
+    fn gather(&self, surface: &Surface, a: u32, ring: &[Corner], edges: &mut Vec<Edge>, wanted: impl Fn(u32) -> bool) {
+        let links = || self.links.iter().flatten().copied();
+        for (i, b) in links().enumerate().filter(|(_, b)| *b > a && wanted(*b)) {
+            if links().take(i).all(|other| other != b) {
+                edges.push(Edge::between(surface, a, b, &self.sides(ring, b)));
+            }
+        }
+    }
+
+    /// The corners whose faces have the edge to `b`.
+    fn sides(&self, ring: &[Corner], b: u32) -> SmallVec<[Side; 4]> {
+        let on_edge = ring.iter().zip(&self.links).filter(|(_, link)| link.contains(&b));
+        on_edge.map(|(&corner, link)| (corner, link[0] == b)).collect()
+    }
+}
+
+/// The edge between `a` and `b`; `None` if no face has both.
+pub(crate) fn find_edge(surface: &Surface, a: u32, b: u32) -> Option<Edge> {
+    let mut fan = Fan::default();
+    fan.fill(surface, surface.ring(a));
+    let sides = fan.sides(surface.ring(a), b);
+    (!sides.is_empty()).then(|| Edge::between(surface, a, b, &sides))
 }
 
 /// The properties of the edge between `a` and `b`; `None` if no face has both.
 pub(crate) fn edge_kind(surface: &Surface, a: u32, b: u32) -> Option<EdgeKind> {
-    let mut sides: SmallVec<[Side; 4]> = SmallVec::new();
-    for &corner in surface.ring(a) {
-        let [next, previous] = surface.opposite(corner);
-        if next == b {
-            sides.push((corner, true));
-        } else if previous == b {
-            sides.push((corner, false));
-        }
-    }
-    (!sides.is_empty()).then(|| classify(surface, &sides))
+    find_edge(surface, a, b).map(|edge| edge.kind)
 }
 
+#[inline]
 fn classify(surface: &Surface, sides: &[Side]) -> EdgeKind {
     let &[first, second] = sides else {
         return if sides.len() == 1 { EdgeKind::BORDER } else { EdgeKind::COMPLEX };
@@ -103,11 +249,17 @@ fn classify(surface: &Surface, sides: &[Side]) -> EdgeKind {
     if first.1 == second.1 {
         kind = kind.with(EdgeKind::COMPLEX);
     }
+    if !surface.has_seams() {
+        return kind;
+    }
     let wedges = |side: Side| {
         let [next, previous] = surface.opposite_wedges(side.0);
         (surface.wedge_at(side.0), if side.1 { next } else { previous })
     };
     let (w1, w2) = (wedges(first), wedges(second));
+    if w1 == w2 {
+        return kind;
+    }
     if surface.wedges.differ(w1.0, w2.0) || surface.wedges.differ(w1.1, w2.1) {
         kind = kind.with(EdgeKind::SEAM);
         if surface.wedges.group(w1.0) != surface.wedges.group(w2.0) {

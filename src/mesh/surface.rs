@@ -4,6 +4,7 @@
 //! corner at a point, whatever the order, so that non-manifold meshes need no special case.
 
 use super::Mesh;
+use super::surgery::Merge;
 use super::wedges::Wedges;
 use super::weld::weld;
 use glam::DVec3;
@@ -79,26 +80,27 @@ struct Span {
 }
 
 impl Rings {
-    fn build(points: usize, faces: &[[u32; 3]]) -> Self {
-        let mut spans = vec![Span::default(); points];
+    fn rebuild(&mut self, points: usize, faces: &[[u32; 3]]) {
+        self.spans.clear();
+        self.spans.resize(points, Span::default());
         for face in faces.iter().filter(|f| f[0] != DEAD) {
-            face.iter().for_each(|&p| spans[p as usize].length += 1);
+            face.iter().for_each(|&p| self.spans[p as usize].length += 1);
         }
         let mut start = 0;
-        for span in &mut spans {
+        for span in &mut self.spans {
             span.start = start;
             start += span.length;
             span.length = 0;
         }
-        let mut pool = vec![0; start as usize];
+        self.pool.clear();
+        self.pool.resize(start as usize, 0);
         for (f, face) in faces.iter().enumerate().filter(|(_, f)| f[0] != DEAD) {
             for (k, &p) in face.iter().enumerate() {
-                let span = &mut spans[p as usize];
-                pool[(span.start + span.length) as usize] = (f as u32) << 2 | k as u32;
+                let span = &mut self.spans[p as usize];
+                self.pool[(span.start + span.length) as usize] = (f as u32) << 2 | k as u32;
                 span.length += 1;
             }
         }
-        Self { pool, spans }
     }
 
     fn of(&self, point: u32) -> &[Corner] {
@@ -127,15 +129,28 @@ impl Rings {
         self.spans[point as usize].length += 1;
     }
 
-    /// Moves the corners of `gone` to the end of those of `kept`.
-    fn join(&mut self, kept: u32, gone: u32) {
-        let (a, b) = (self.spans[kept as usize], self.spans[gone as usize]);
-        let start = self.pool.len() as u32;
-        self.pool.extend_from_within(a.start as usize..(a.start + a.length) as usize);
-        self.pool.extend_from_within(b.start as usize..(b.start + b.length) as usize);
-        self.spans[kept as usize] = Span { start, length: a.length + b.length };
-        self.spans[gone as usize].length = 0;
+    fn clear(&mut self, point: u32) {
+        self.spans[point as usize].length = 0;
     }
+
+    /// Makes `corners` the ring of `point`: in the place of the one it has, if they fit.
+    fn replace(&mut self, point: u32, corners: &[Corner]) {
+        let span = &mut self.spans[point as usize];
+        if corners.len() > span.length as usize {
+            span.start = self.pool.len() as u32;
+            self.pool.extend_from_slice(corners);
+        } else {
+            self.pool[span.start as usize..][..corners.len()].copy_from_slice(corners);
+        }
+        span.length = corners.len() as u32;
+    }
+}
+
+/// Where in its face the two corners after this one are.
+#[inline]
+fn others(corner: Corner) -> [usize; 2] {
+    const OTHERS: [[usize; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
+    OTHERS[(corner & 3) as usize]
 }
 
 impl Surface {
@@ -152,16 +167,28 @@ impl Surface {
                 corners.push(triangle.map(|v| welded.wedge_of[v as usize]));
             }
         }
-        drop_copies(&mut faces, &mut corners);
-        let rings = Rings::build(points.len(), &faces);
+        let wedges = Wedges::new(mesh, &welded.wedge_vertex);
         let live = faces.len();
         let heirs = (0..points.len() as u32).collect();
-        Self { frame, points, faces, corners, wedges: Wedges::new(mesh, &welded.wedge_vertex), rings, live, heirs }
+        let mut surface = Self { frame, points, faces, corners, wedges, rings: Rings::default(), live, heirs };
+        surface.rings.rebuild(surface.points.len(), &surface.faces);
+        surface.drop_copies();
+        surface
     }
 
     /// Number of faces.
     pub fn face_count(&self) -> usize {
         self.live
+    }
+
+    /// Whether some point has more than one wedge.
+    pub fn has_seams(&self) -> bool {
+        self.wedges.len() != self.points.len()
+    }
+
+    /// Face ids are below this, live or not.
+    pub fn face_slots(&self) -> usize {
+        self.faces.len()
     }
 
     /// Whether the face is still there.
@@ -212,6 +239,11 @@ impl Surface {
         (corner >> 2) as usize
     }
 
+    /// The point at a corner.
+    pub fn point_at(&self, corner: Corner) -> u32 {
+        self.faces[Self::face_of(corner)][(corner & 3) as usize]
+    }
+
     /// The wedge at a corner.
     pub fn wedge_at(&self, corner: Corner) -> u32 {
         self.corners[Self::face_of(corner)][(corner & 3) as usize]
@@ -219,22 +251,14 @@ impl Surface {
 
     /// The two points after the corner in its face, counter-clockwise.
     pub fn opposite(&self, corner: Corner) -> [u32; 2] {
-        let face = self.faces[Self::face_of(corner)];
-        match corner & 3 {
-            0 => [face[1], face[2]],
-            1 => [face[2], face[0]],
-            _ => [face[0], face[1]],
-        }
+        let face = &self.faces[Self::face_of(corner)];
+        others(corner).map(|k| face[k])
     }
 
     /// The wedges that belong to [`Self::opposite`].
     pub fn opposite_wedges(&self, corner: Corner) -> [u32; 2] {
-        let face = self.corners[Self::face_of(corner)];
-        match corner & 3 {
-            0 => [face[1], face[2]],
-            1 => [face[2], face[0]],
-            _ => [face[0], face[1]],
-        }
+        let face = &self.corners[Self::face_of(corner)];
+        others(corner).map(|k| face[k])
     }
 
     /// Removes a face.
@@ -256,11 +280,6 @@ impl Surface {
         }
         self.live += 1;
         face
-    }
-
-    /// Ids of faces are below this.
-    pub fn face_slots(&self) -> usize {
-        self.faces.len()
     }
 
     /// Puts another point, with a wedge, into corner `k` of a face.
@@ -289,29 +308,38 @@ impl Surface {
         point
     }
 
-    /// Gives every corner of `gone` to `kept`; faces that have both must have been removed.
-    pub(super) fn join_points(&mut self, kept: u32, gone: u32) {
-        for &corner in self.rings.of(gone) {
-            self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
+    /// Does what `merge` says; `kept` moves to `position`.
+    pub(super) fn collapse(&mut self, merge: &Merge, position: DVec3) {
+        let (kept, gone) = (merge.kept, merge.gone);
+        for &face in &merge.faces {
+            for k in 0..3 {
+                let point = self.faces[face][k];
+                if point != kept && point != gone {
+                    self.rings.remove(point, (face as u32) << 2 | k as u32);
+                }
+            }
+            self.faces[face][0] = DEAD;
         }
-        self.rings.join(kept, gone);
+        self.live -= merge.faces.len();
+        for &corner in merge.spokes_of_gone() {
+            let (face, k) = (Self::face_of(corner), (corner & 3) as usize);
+            self.faces[face][k] = kept;
+            self.corners[face][k] = merge.target(self.corners[face][k]);
+        }
+        self.rings.replace(kept, &merge.spokes);
+        self.rings.clear(gone);
+        self.points[kept as usize] = position;
         self.heirs[gone as usize] = kept;
     }
 
-    /// Replaces the wedge of every corner at `point` by `map` of it.
-    pub(super) fn map_wedges(&mut self, point: u32, map: impl Fn(u32) -> u32) {
-        for &corner in self.rings.of(point) {
-            let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
-            *wedge = map(*wedge);
+    /// Drops dead faces and the gaps in the rings. Face ids change, their order and all point ids stay. Gives whether there was anything to drop.
+    pub fn compact(&mut self) -> bool {
+        if self.faces.len() == self.live && self.rings.pool.len() == 3 * self.live {
+            return false;
         }
-    }
-
-    /// Drops dead faces and the gaps in the rings. Face ids change, their order and all point ids stay.
-    pub fn compact(&mut self) {
-        let keep = |faces: &[[u32; 3]], f: usize| faces[f][0] != DEAD;
         let mut next = 0;
         for f in 0..self.faces.len() {
-            if keep(&self.faces, f) {
+            if self.faces[f][0] != DEAD {
                 self.faces[next] = self.faces[f];
                 self.corners[next] = self.corners[f];
                 next += 1;
@@ -319,7 +347,24 @@ impl Surface {
         }
         self.faces.truncate(next);
         self.corners.truncate(next);
-        self.rings = Rings::build(self.points.len(), &self.faces);
+        self.rings.rebuild(self.points.len(), &self.faces);
+        true
+    }
+
+    /// Leaves the first of several faces with the same wedges in the same cyclic order.
+    fn drop_copies(&mut self) {
+        let turned = |w: &[u32; 3], k: usize| [w[k], w[(k + 1) % 3], w[(k + 2) % 3]];
+        for f in 0..self.faces.len() {
+            let wedges = self.corners[f];
+            let is_copy = self.ring(self.faces[f][0]).iter().any(|&c| {
+                let other = Self::face_of(c);
+                other < f && turned(&self.corners[other], (c & 3) as usize) == wedges
+            });
+            if is_copy {
+                self.remove_face(f);
+            }
+        }
+        self.compact();
     }
 
     /// The surface as plain arrays: only used vertices, in the order in which triangles first use them.
@@ -345,22 +390,4 @@ impl Surface {
         self.wedges.write(&order, &mut mesh);
         mesh
     }
-}
-
-/// Leaves the first of several faces with the same wedges in the same cyclic order.
-fn drop_copies(faces: &mut Vec<[u32; 3]>, corners: &mut Vec<[u32; 3]>) {
-    let key = |c: &[u32; 3]| {
-        let k = (0..3).min_by_key(|&k| c[k]).unwrap_or(0);
-        [c[k], c[(k + 1) % 3], c[(k + 2) % 3]]
-    };
-    let mut order: Vec<usize> = (0..faces.len()).collect();
-    order.sort_unstable_by_key(|&f| (key(&corners[f]), f));
-    let mut copy = vec![false; faces.len()];
-    for pair in order.windows(2) {
-        copy[pair[1]] = key(&corners[pair[0]]) == key(&corners[pair[1]]);
-    }
-    let mut index = 0;
-    faces.retain(|_| (!copy[index], index += 1).0);
-    index = 0;
-    corners.retain(|_| (!copy[index], index += 1).0);
 }

@@ -4,8 +4,8 @@ use super::surface::{Corner, Surface};
 use glam::DVec3;
 use smallvec::SmallVec;
 
-/// What collapsing an edge would do: which faces go, which wedges become one.
-#[derive(Debug, Clone)]
+/// What collapsing an edge would do: which faces go, which stay around the joined point, which wedges become one.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Merge {
     /// Stays and moves.
     pub kept: u32,
@@ -15,22 +15,44 @@ pub(crate) struct Merge {
     pub faces: SmallVec<[usize; 4]>,
     /// Pairs (wedge at `kept`, wedge at `gone`) that the faces join, each once.
     pub pairs: SmallVec<[(u32, u32); 4]>,
+    /// Corners at either end whose faces survive: the ring of the joined point. Those at `kept` come first.
+    pub spokes: SmallVec<[Corner; 24]>,
+    /// Where those at `gone` begin.
+    from_gone: usize,
 }
 
 impl Merge {
     /// Looks at the edge from `kept` to `gone`.
     pub fn new(surface: &Surface, kept: u32, gone: u32) -> Self {
-        let mut merge = Self { kept, gone, faces: SmallVec::new(), pairs: SmallVec::new() };
+        let mut merge = Self::default();
+        merge.look(surface, kept, gone);
+        merge
+    }
+
+    /// Looks at another edge.
+    pub fn look(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        (self.kept, self.gone) = (kept, gone);
+        self.faces.clear();
+        self.pairs.clear();
+        self.spokes.clear();
         for &corner in surface.ring(kept) {
             let points = surface.opposite(corner);
-            let Some(side) = points.iter().position(|&p| p == gone) else { continue };
-            merge.faces.push(Surface::face_of(corner));
+            let Some(side) = points.iter().position(|&p| p == gone) else {
+                self.spokes.push(corner);
+                continue;
+            };
+            self.faces.push(Surface::face_of(corner));
             let pair = (surface.wedge_at(corner), surface.opposite_wedges(corner)[side]);
-            if !merge.pairs.contains(&pair) {
-                merge.pairs.push(pair);
+            if !self.pairs.contains(&pair) {
+                self.pairs.push(pair);
             }
         }
-        merge
+        self.from_gone = self.spokes.len();
+        for &corner in surface.ring(gone) {
+            if !surface.opposite(corner).contains(&kept) {
+                self.spokes.push(corner);
+            }
+        }
     }
 
     /// Whether every wedge has one partner at most: otherwise a seam ends in this edge and would be torn into the surface.
@@ -47,25 +69,30 @@ impl Merge {
         self.pairs.iter().find(|p| p.1 == wedge).map_or(wedge, |p| p.0)
     }
 
-    /// Corners at either end, those of the edge's own faces once (at `kept`).
-    pub fn corners<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = Corner> + 'a {
-        let far = surface.ring(self.gone).iter().filter(|&&c| !self.faces.contains(&Surface::face_of(c)));
-        surface.ring(self.kept).iter().chain(far).copied()
+    /// Corners at `kept` whose faces survive.
+    pub fn spokes_of_kept(&self) -> &[Corner] {
+        &self.spokes[..self.from_gone]
     }
 
-    /// Corners at either end whose faces survive.
-    pub fn surviving<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = Corner> + 'a {
-        self.corners(surface).filter(|&c| !self.faces.contains(&Surface::face_of(c)))
+    /// Corners at `gone` whose faces survive.
+    pub fn spokes_of_gone(&self) -> &[Corner] {
+        &self.spokes[self.from_gone..]
+    }
+
+    /// Corners at either end, those of the edge's own faces once (at `kept`).
+    pub fn corners<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = Corner> + 'a {
+        surface.ring(self.kept).iter().chain(self.spokes_of_gone()).copied()
+    }
+
+    /// The points across the edge: the third one of each of its faces.
+    pub fn across<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = u32> + 'a {
+        let ends = [self.kept, self.gone];
+        self.faces.iter().flat_map(|&f| surface.face(f)).filter(move |p| !ends.contains(p))
     }
 
     /// Does it; the joined point moves to `position`. Wedge values are the caller's business.
     pub fn apply(&self, surface: &mut Surface, position: DVec3) {
-        for &face in &self.faces {
-            surface.remove_face(face);
-        }
-        surface.map_wedges(self.gone, |w| self.target(w));
-        surface.join_points(self.kept, self.gone);
-        surface.points[self.kept as usize] = position;
+        surface.collapse(self, position);
     }
 }
 
@@ -79,19 +106,6 @@ pub(crate) fn flip_edge(surface: &mut Surface, first: usize, second: usize, a: u
     let (c, d) = ((b1 + 1) % 3, (a2 + 1) % 3);
     surface.replace_corner(first, b1, p2[d], w2[d]);
     surface.replace_corner(second, a2, p1[c], w1[c]);
-}
-
-/// Puts a point into a face, which becomes three: those of its edges 0, 1 and 2. The new wedge is a copy of the first; given with the new point for
-/// the caller to fill.
-pub(crate) fn split_face(surface: &mut Surface, face: usize, position: DVec3) -> (u32, u32) {
-    let (points, wedges) = (surface.face(face), surface.face_wedges(face));
-    let middle = surface.add_point(position);
-    let wedge = surface.wedges.duplicate(wedges[0]);
-    surface.remove_face(face);
-    for k in 0..3 {
-        surface.add_face([points[k], points[(k + 1) % 3], middle], [wedges[k], wedges[(k + 1) % 3], wedge]);
-    }
-    (middle, wedge)
 }
 
 /// Splits the edge between `a` and `b` at `position`: every face with both becomes two. The new wedges are copies of those at `a`; the pairs

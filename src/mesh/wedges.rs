@@ -61,13 +61,13 @@ impl Wedges {
         self.groups.len()
     }
 
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
+    /// Whether wedges carry nothing that a collapse could change.
+    pub fn is_plain(&self) -> bool {
+        self.stride == 0 && self.skin.is_none()
     }
 
-    /// Numbers a row.
-    pub fn stride(&self) -> usize {
-        self.stride
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
     }
 
     /// `value` within the source's range of the number `index` of a row.

@@ -1,9 +1,9 @@
 //! Welding: vertices → wedges (equal in everything) → points (equal in position).
 //!
-//! By sorting, so that the result depends on values and order of the input only.
+//! Classes are numbered by their first vertices, so that the result depends on values and order of the input only.
 
 use super::Mesh;
-use rayon::prelude::*;
+use hashbrown::HashTable;
 use std::cmp::Ordering;
 
 /// For each vertex its point and its wedge; both are numbered in the order of their first vertex.
@@ -21,45 +21,63 @@ pub(super) struct Welded {
 /// Welds the vertices that triangles use; the others get `u32::MAX`.
 pub(super) fn weld(mesh: &Mesh) -> Welded {
     let group_of = vertex_groups(mesh);
-    let keys: Vec<[u32; 3]> = mesh.positions.par_iter().map(|p| p.map(value_bits)).collect();
-    let mut order: Vec<u32> = (0..mesh.positions.len() as u32).filter(|&v| group_of[v as usize] != u32::MAX).collect();
-    let by_position = |&a: &u32, &b: &u32| keys[a as usize].cmp(&keys[b as usize]);
-    order.par_sort_unstable_by(|a, b| {
-        by_position(a, b).then_with(|| compare_wedges(mesh, &group_of, *a, *b)).then_with(|| a.cmp(b))
-    });
-    let same_point = |a: u32, b: u32| keys[a as usize] == keys[b as usize];
-    let same_wedge = |a: u32, b: u32| same_point(a, b) && compare_wedges(mesh, &group_of, a, b) == Ordering::Equal;
-    let (point_of, point_vertex) = number_runs(&order, mesh.positions.len(), same_point);
-    let (wedge_of, wedge_vertex) = number_runs(&order, mesh.positions.len(), same_wedge);
+    let used = |v: &u32| group_of[*v as usize] != u32::MAX;
+    let keys: Vec<[u32; 3]> = mesh.positions.iter().map(|p| p.map(value_bits)).collect();
+    let (point_of, point_vertex) = number_classes(
+        keys.len(),
+        used,
+        |v| hash_position(keys[v as usize]),
+        |a, b| keys[a as usize] == keys[b as usize],
+    );
+    if point_vertex.len() == point_of.iter().filter(|p| **p != u32::MAX).count() {
+        return Welded { wedge_of: point_of.clone(), wedge_vertex: point_vertex.clone(), point_of, point_vertex };
+    }
+    let (wedge_of, wedge_vertex) = number_classes(
+        keys.len(),
+        used,
+        |v| hash_wedge(mesh, point_of[v as usize], v as usize),
+        |a, b| point_of[a as usize] == point_of[b as usize] && compare_wedges(mesh, &group_of, a, b) == Ordering::Equal,
+    );
     Welded { point_of, wedge_of, point_vertex, wedge_vertex }
 }
 
-/// Runs of `same` neighbours in `order` become one class each, numbered by their smallest vertex.
-fn number_runs(order: &[u32], vertices: usize, same: impl Fn(u32, u32) -> bool) -> (Vec<u32>, Vec<u32>) {
-    let mut first = vec![u32::MAX; vertices];
-    let mut start = 0;
-    while start < order.len() {
-        let mut end = start + 1;
-        while end < order.len() && same(order[end - 1], order[end]) {
-            end += 1;
-        }
-        let run = &order[start..end];
-        let smallest = run.iter().copied().min().unwrap_or(u32::MAX);
-        run.iter().for_each(|&v| first[v as usize] = smallest);
-        start = end;
-    }
+/// Numbers the classes of equal vertices in the order of their first ones; gives the class of each vertex and the first vertex of each class.
+fn number_classes(
+    vertices: usize,
+    used: impl Fn(&u32) -> bool,
+    hash: impl Fn(u32) -> u64,
+    equal: impl Fn(u32, u32) -> bool,
+) -> (Vec<u32>, Vec<u32>) {
     let mut class = vec![u32::MAX; vertices];
-    let mut representatives = Vec::new();
-    for v in 0..vertices {
-        let f = first[v];
-        if f == v as u32 {
-            class[v] = representatives.len() as u32;
-            representatives.push(f);
-        } else if f != u32::MAX {
-            class[v] = class[f as usize];
-        }
+    let mut firsts: Vec<u32> = Vec::with_capacity(vertices);
+    let mut table: HashTable<u32> = HashTable::with_capacity(vertices);
+    for v in (0..vertices as u32).filter(used) {
+        let entry =
+            table.entry(hash(v), |&known| equal(firsts[known as usize], v), |&known| hash(firsts[known as usize]));
+        class[v as usize] = *entry
+            .or_insert_with(|| {
+                firsts.push(v);
+                firsts.len() as u32 - 1
+            })
+            .get();
     }
-    (class, representatives)
+    (class, firsts)
+}
+
+fn hash_position(key: [u32; 3]) -> u64 {
+    key.into_iter().fold(0, |hash, word| mix(hash, u64::from(word)))
+}
+
+/// Over what tells the wedges of a point apart most often: the first numbers of each attribute.
+fn hash_wedge(mesh: &Mesh, point: u32, vertex: usize) -> u64 {
+    let words = mesh.attributes.iter().flat_map(|a| &a.values[vertex * a.width..][..a.width.min(4)]);
+    words.fold(u64::from(point), |hash, x| mix(hash, u64::from(value_bits(*x))))
+}
+
+fn mix(hash: u64, word: u64) -> u64 {
+    // The table takes its tags from the upper bits and its slots from the lower ones.
+    let product = u128::from(hash ^ word) * 0x9E37_79B9_7F4A_7C15;
+    product as u64 ^ (product >> 64) as u64
 }
 
 fn vertex_groups(mesh: &Mesh) -> Vec<u32> {

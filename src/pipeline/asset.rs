@@ -33,7 +33,7 @@ fn start_report(job: &Job<'_>) -> FileReport {
     FileReport::new(relative_name(&job.source.relative), job.source.bytes, job.presets.hash())
 }
 
-fn describe_panic(panic: &(dyn Any + Send)) -> Error {
+pub(super) fn describe_panic(panic: &(dyn Any + Send)) -> Error {
     let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
     Error::new(Kind::Internal, format!("a bug in gltf-lod: {}", text.unwrap_or("no message")))
         .help("please report it together with this file; -v shows where it happened")

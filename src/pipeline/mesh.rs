@@ -33,30 +33,63 @@ pub(super) struct BuiltMesh {
     pub(super) lods: Option<MeshLods>,
 }
 
-impl BuiltMesh {
+/// A mesh ready to be simplified.
+pub(crate) struct Subject {
+    /// What is known of it so far.
+    pub(crate) report: MeshReport,
+    pub(crate) geometry: Geometry,
+    pub(crate) ruler: Ruler,
+    pub(crate) settings: Settings,
+    pub(crate) options: simplify::Options,
+}
+
+/// What becomes of a mesh.
+pub(super) enum Prepared {
+    Ready(Box<Subject>),
+    Skipped(MeshReport),
+}
+
+impl Prepared {
     fn skipped(report: MeshReport, why: impl Into<String>) -> Self {
-        Self { report: MeshReport { skipped: Some(why.into()), ..report }, gates: Vec::new(), lods: None }
+        Self::Skipped(MeshReport { skipped: Some(why.into()), ..report })
+    }
+}
+
+impl BuiltMesh {
+    fn skipped(report: MeshReport) -> Self {
+        Self { report, gates: Vec::new(), lods: None }
     }
 }
 
 impl Task<'_> {
     /// Builds the levels of `meshes[index]`.
     pub(super) fn build(&self, index: usize) -> Result<BuiltMesh> {
+        let built = match self.prepare(index)? {
+            Prepared::Skipped(report) => return Ok(BuiltMesh::skipped(report)),
+            Prepared::Ready(subject) => build_levels(*subject)?,
+        };
+        self.observer.mesh_finished(built.report.triangles);
+        Ok(built)
+    }
+
+    /// Reads `meshes[index]` and resolves its settings, unless it gets no levels.
+    pub(super) fn prepare(&self, index: usize) -> Result<Prepared> {
         let names = Names::of(self.asset, self.scene, index);
         let settings = self.presets.settings(&names.borrow())?;
         let mut report = MeshReport::new(index, names.mesh.clone(), names.users, name_basis(settings.basis));
         if let Some(why) = find_reason_to_skip(self.scene, index, &settings) {
-            return Ok(BuiltMesh::skipped(report, why));
+            return Ok(Prepared::skipped(report, why));
         }
         let geometry = self.asset.geometry(index, self.limits)?;
         describe_geometry(&mut report, &geometry);
         if let Some(why) = find_reason_in_geometry(&geometry, &settings) {
-            return Ok(BuiltMesh::skipped(report, why));
+            return Ok(Prepared::skipped(report, why));
         }
         self.observer.mesh_started(self.file, names.mesh.as_deref().unwrap_or(""), report.triangles);
-        let built = build_levels(report, geometry, &settings)?;
-        self.observer.mesh_finished(built.report.triangles);
-        Ok(built)
+        let ruler = Ruler::new(&geometry.mesh, choose_sampling(settings.samples, report.triangles));
+        (report.diagonal, report.radius) = (ruler.diagonal(), ruler.bounding_radius());
+        let options = choose_options(&settings, report.diagonal, report.radius);
+        Ok(Prepared::Ready(Box::new(Subject { report, geometry, ruler, settings, options })))
     }
 }
 
@@ -143,22 +176,20 @@ fn find_reason_in_geometry(geometry: &Geometry, settings: &Settings) -> Option<S
     }
 }
 
-fn build_levels(mut report: MeshReport, geometry: Geometry, settings: &Settings) -> Result<BuiltMesh> {
-    let ruler = Ruler::new(&geometry.mesh, choose_sampling(settings.samples, report.triangles));
-    (report.diagonal, report.radius) = (ruler.diagonal(), ruler.bounding_radius());
-    let options = choose_options(settings, report.diagonal, report.radius);
+fn build_levels(subject: Subject) -> Result<BuiltMesh> {
+    let Subject { mut report, geometry, ruler, settings, options } = subject;
     let chain = simplify::simplify(&geometry.mesh, &options)?;
     let (mut kept, dropped) = keep_levels(chain.levels, report.triangles, settings.min_saving);
     report.dropped = dropped;
     if kept.is_empty() {
         let why = report.dropped.first().map_or("the preset asks for no level", |_| "no level saves enough triangles");
-        return Ok(BuiltMesh::skipped(report, why));
+        return Ok(BuiltMesh::skipped(MeshReport { skipped: Some(why.to_owned()), ..report }));
     }
     kept.par_iter_mut().for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
     report.levels = measure_levels(&geometry.mesh, &ruler, &kept, &options);
-    switch_levels(&mut report, &kept, settings)?;
+    switch_levels(&mut report, &kept, &settings)?;
     let gates = check_gates(&report, &settings.gates);
-    let extras = describe_for_extras(&report, settings);
+    let extras = describe_for_extras(&report, &settings);
     let levels = kept.into_iter().map(|(_, level)| LodLevel { mesh: level.mesh }).collect();
     let lods = MeshLods { mesh: report.mesh, geometry, levels, coverage: report.coverage.clone(), extras };
     Ok(BuiltMesh { report, gates, lods: Some(lods) })

@@ -9,8 +9,11 @@ mod gates;
 mod inspect;
 mod levels;
 mod mesh;
+mod subjects;
 
 pub use inspect::inspect;
+pub(crate) use mesh::Subject;
+pub(crate) use subjects::{Visited, visit_subjects};
 
 use crate::asset::Limits;
 use crate::discover::{Destination, Found, Source, discover, is_asset};
@@ -55,6 +58,8 @@ pub trait Observer: Sync {
     fn mesh_finished(&self, _triangles: usize) {}
     /// An asset is done, or has failed.
     fn asset_finished(&self, _report: &FileReport) {}
+    /// An asset's meshes have been timed and measured by [`bench`](crate::bench::bench).
+    fn asset_benched(&self, _path: &str, _bytes: u64) {}
     /// Time since some fixed moment. `None` leaves times out of the report.
     fn elapsed(&self) -> Option<Duration> {
         None

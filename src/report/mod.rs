@@ -7,8 +7,10 @@ mod text;
 
 pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, describe_inspection};
 pub use json::to_json;
+pub(crate) use model::name_stop;
 pub use model::{
     BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
     Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
 };
 pub use text::{Detail, describe_comparison, describe_file, describe_run};
+pub(crate) use text::{add_row, count, indent, significant, start_table};

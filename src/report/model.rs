@@ -473,7 +473,7 @@ impl Problem {
 }
 
 /// The name that a report gives to what ended a level.
-fn name_stop(stop: Stop) -> &'static str {
+pub(crate) fn name_stop(stop: Stop) -> &'static str {
     match stop {
         Stop::Target => "target",
         Stop::Floor => "floor",

@@ -272,7 +272,7 @@ pub(super) fn name_mesh(mesh: &MeshReport) -> String {
     }
 }
 
-pub(super) fn count(number: usize, one: &str, many: &str) -> String {
+pub(crate) fn count(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
@@ -281,7 +281,7 @@ fn seconds(elapsed: Duration) -> String {
 }
 
 /// Three significant digits.
-pub(super) fn significant(value: f64) -> String {
+pub(crate) fn significant(value: f64) -> String {
     let magnitude = value.abs();
     if value == 0.0 {
         "0".to_owned()
@@ -293,7 +293,7 @@ pub(super) fn significant(value: f64) -> String {
     }
 }
 
-pub(super) fn start_table(heads: &[&str]) -> Table {
+pub(crate) fn start_table(heads: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_preset(presets::NOTHING);
     add_row(&mut table, &heads.iter().map(ToString::to_string).collect::<Vec<_>>());
@@ -301,7 +301,7 @@ pub(super) fn start_table(heads: &[&str]) -> Table {
 }
 
 /// The last column is words, all others are numbers.
-pub(super) fn add_row(table: &mut Table, cells: &[String]) {
+pub(crate) fn add_row(table: &mut Table, cells: &[String]) {
     let last = cells.len().saturating_sub(1);
     let align = |(index, text): (usize, &String)| {
         Cell::new(text).set_alignment(if index == last { CellAlignment::Left } else { CellAlignment::Right })
@@ -309,7 +309,7 @@ pub(super) fn add_row(table: &mut Table, cells: &[String]) {
     table.add_row(cells.iter().enumerate().map(align).collect::<Vec<_>>());
 }
 
-pub(super) fn indent(table: &Table) -> String {
+pub(crate) fn indent(table: &Table) -> String {
     table.lines().map(|line| format!("  {}\n", line.trim_end())).collect()
 }
 

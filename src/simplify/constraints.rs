@@ -1,10 +1,11 @@
 //! What the edge policies mean: which points are locked and how much the shape of borders and seams costs.
 
 use super::options::{EdgePolicy, Options};
-use super::quadric::Quadric;
 use crate::curvature::normal_and_area;
 use crate::mesh::edges::{Edge, EdgeKind};
 use crate::mesh::surface::Surface;
+use glam::DVec3;
+use smallvec::SmallVec;
 
 /// Weight of an open border's plane, relative to the surface: the square on an edge counts as this many times its area.
 const BORDER_WEIGHT: f64 = 1.5;
@@ -13,18 +14,16 @@ const SEAM_WEIGHT: f64 = 0.15;
 /// The same for a border between materials.
 const MATERIAL_WEIGHT: f64 = 0.5;
 
-/// The planes that stand on an edge, one for each of its faces, perpendicular to it; each of weight 1. With two sides of different normals both
+/// Normals of the planes that stand on an edge, one for each of its faces, perpendicular to it. With two sides of different normals both
 /// count: a fold keeps its outline whatever side is seen.
-pub(crate) fn upright_planes(surface: &Surface, edge: &Edge) -> Quadric {
+pub(crate) fn upright_planes(surface: &Surface, edge: &Edge) -> SmallVec<[DVec3; 2]> {
     let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
-    let mut planes = Quadric::default();
-    for &corner in surface.ring(edge.a) {
-        if surface.opposite(corner).contains(&edge.b) {
-            let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(corner)));
-            planes.add(&Quadric::plane(normal.cross(b - a).normalize_or_zero(), a, 1.0));
-        }
-    }
-    planes
+    let upright = |&c: &u32| {
+        let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(c)));
+        normal.cross(b - a).normalize_or_zero()
+    };
+    let on_edge = surface.ring(edge.a).iter().filter(|&&c| surface.opposite(c).contains(&edge.b));
+    on_edge.map(upright).filter(|n| *n != DVec3::ZERO).collect()
 }
 
 /// The policies of a run.

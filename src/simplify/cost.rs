@@ -1,8 +1,10 @@
 //! What a collapse is worth and where the point goes: the policy that algorithms differ in.
 
+use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// A collapse that may be tried.
 #[derive(Debug, Clone, Copy)]
@@ -13,21 +15,8 @@ pub(crate) struct Candidate {
     pub position: DVec3,
 }
 
-/// A cost as a key for sorting: costs are never negative, so their bits order as they do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct Rank(u64);
-
-impl Rank {
-    /// Of a cost ≥ 0.
-    pub fn of(cost: f64) -> Self {
-        Self(cost.max(0.0).to_bits())
-    }
-
-    /// The cost.
-    pub fn cost(self) -> f64 {
-        f64::from_bits(self.0)
-    }
-}
+/// Cost of an edge that may not collapse.
+pub(crate) const UNRANKED: f32 = f32::INFINITY;
 
 /// Cost and placement of edge collapses.
 pub(crate) trait Cost: Send + Sync {
@@ -36,6 +25,18 @@ pub(crate) trait Cost: Send + Sync {
 
     /// Judges the collapse of the edge between `a` and `b`, with the joined point at `fixed` if given; `None` if it has no finite cost.
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate>;
+
+    /// About what all `edges` cost, to put them in order; [`UNRANKED`] where there is no candidate.
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
+        let judge = |e: &Edge| {
+            let candidate = pinned(surface, locked, e.a, e.b).and_then(|pin| self.judge(surface, e.a, e.b, pin));
+            candidate.map_or(UNRANKED, |c| c.cost as f32)
+        };
+        edges.par_iter().map(judge).collect_into_vec(costs);
+    }
+
+    /// What attributes count; up to date as the rest is.
+    fn metric(&self) -> &Metric;
 
     /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
@@ -46,8 +47,18 @@ pub(crate) trait Cost: Send + Sync {
     /// Makes room for points that `surface` has and the cost has not met.
     fn grow(&mut self, surface: &Surface);
 
-    /// Brings what is known of one point up to date with the faces around it. Only the queue asks for it.
+    /// Brings what is known of one point up to date with the faces around it.
     fn update(&mut self, surface: &Surface, point: u32);
+}
+
+/// Where the joined point of an edge has to go, if an end is locked; `None` if both are.
+pub(crate) fn pinned(surface: &Surface, locked: &[bool], a: u32, b: u32) -> Option<Option<DVec3>> {
+    match (locked[a as usize], locked[b as usize]) {
+        (true, true) => None,
+        (true, false) => Some(Some(surface.points[a as usize])),
+        (false, true) => Some(Some(surface.points[b as usize])),
+        (false, false) => Some(None),
+    }
 }
 
 /// The cheapest of some positions by `cost`.
@@ -63,8 +74,8 @@ pub(crate) fn cheapest(positions: &[DVec3], cost: impl Fn(DVec3) -> f64) -> Opti
 /// stick out far.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Room {
-    low: DVec3,
-    high: DVec3,
+    pub low: DVec3,
+    pub high: DVec3,
 }
 
 impl Room {

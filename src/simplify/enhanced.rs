@@ -7,164 +7,139 @@
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
 use super::constraints::{Constraints, upright_planes};
-use super::cost::{Candidate, Cost, Room, cheapest};
+use super::cost::{Candidate, Cost, Room, UNRANKED, pinned};
 use super::options::Options;
-use super::quadric::{Quadric, Volume};
+use super::placement::{Apex, Facet, LANES, Subject, estimate};
 use crate::attributes::Metric;
-use crate::curvature::{Curvature, border_points, normal_and_area};
-use crate::mesh::edges::{Edge, edge_kind};
+use crate::curvature::{border_points, gauss_curvatures};
+use crate::mesh::edges::{Edge, find_edge};
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Pull towards the edge's midpoint, relative to the quadric's trace: decides where the surface does not.
-const STIFFNESS: f64 = 1e-7;
-/// Largest K·|e|² that counts; beyond it the surface is not resolved anyway.
-const CURVATURE_CAP: f64 = 20.0;
-/// Weight of K·|e|² at a curvature weight of 1.
-const CURVATURE_SCALE: f64 = 2.0;
-/// Exponent of the normal-angle factor (QFVP's w).
-const ANGLE_EXPONENT: f64 = 0.15;
-/// 1 − cos of the angle between the end normals of an edge that counts as flat.
-const FLAT_ANGLE: f64 = 0.02;
-/// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
-const LENGTH_COST: f64 = 1e-12;
+/// Points, faces or edges that one task works on.
+const TASK: usize = 4096;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
     room: Room,
     options: Options,
-    points: Vec<PointState>,
+    apexes: Vec<Apex>,
+    /// Points at edges that have planes of their own.
+    ridged: Vec<bool>,
+    /// The faces when the pass began.
+    facets: Vec<Facet>,
     metric: Metric,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct PointState {
-    quadric: Quadric,
-    volume: Volume,
-    /// |K| of the source, averaged at merges.
-    curvature: f64,
 }
 
 impl Enhanced {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
-        let border = border_points(surface.points.len(), edges);
-        let points = (0..surface.points.len() as u32)
-            .into_par_iter()
-            .map(|p| PointState {
-                curvature: Curvature::at(surface, p, border[p as usize]).gauss.abs(),
-                ..PointState::default()
-            })
-            .collect();
-        let room = Room::of(&surface.points);
+        let curvatures = gauss_curvatures(surface, &border_points(surface.points.len(), edges));
         Self {
             constraints: Constraints::new(options),
-            room,
+            room: Room::of(&surface.points),
             options: options.clone(),
-            points,
-            metric: Metric::default(),
+            apexes: curvatures.into_iter().map(|k| Apex::with_curvature(k.abs())).collect(),
+            ridged: vec![false; surface.points.len()],
+            facets: Vec::new(),
+            metric: Metric::new(surface, &options.attribute_weights),
         }
     }
 
-    /// Quadric and volume of the faces around a point; constraint planes come from edges.
-    fn of_faces(surface: &Surface, point: u32) -> (Quadric, Volume) {
-        let (mut quadric, mut volume) = (Quadric::default(), Volume::default());
-        for &corner in surface.ring(point) {
-            let triangle = surface.triangle(Surface::face_of(corner));
-            let (normal, area) = normal_and_area(triangle);
-            quadric.add(&Quadric::plane(normal, triangle[0], area));
-            volume.add(&Volume::face(normal * area, triangle[0]), 1.0);
-        }
-        (quadric, volume)
-    }
-
-    /// The plane through an edge, perpendicular to its faces' mean normal.
-    fn of_edge(&self, surface: &Surface, edge: &Edge) -> Option<Quadric> {
+    /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`.
+    fn add_edge(&mut self, surface: &Surface, edge: &Edge, at: &[u32]) {
         let weight = self.constraints.weight(edge.kind);
         if weight == 0.0 {
-            return None;
+            return;
         }
         let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
-        let plane = upright_planes(surface, edge);
-        let mut scaled = Quadric::default();
-        let trace = plane.trace();
-        if trace > 0.0 {
-            scaled.add_scaled(&plane, weight * a.distance_squared(b) / trace);
+        let planes = upright_planes(surface, edge);
+        let each = weight * a.distance_squared(b) / planes.len().max(1) as f64;
+        for &point in at {
+            self.ridged[point as usize] = true;
+            planes.iter().for_each(|&normal| self.apexes[point as usize].add_plane(normal, each));
         }
-        Some(scaled)
     }
 
-    fn factor(&self, a: &PointState, b: &PointState, length_squared: f64) -> f64 {
-        let curvature = (0.5 * (a.curvature + b.curvature) * length_squared).min(CURVATURE_CAP);
-        let angle = 1.0 - a.volume.normal.normalize_or_zero().dot(b.volume.normal.normalize_or_zero()) + FLAT_ANGLE;
-        (1.0 + f64::from(self.options.curvature_weight) * CURVATURE_SCALE * curvature) * angle.powf(ANGLE_EXPONENT)
+    fn subject<'a>(&'a self, surface: &Surface, [a, b]: [u32; 2], pin: Option<f64>) -> Subject<'a> {
+        let edge = surface.points[b as usize] - surface.points[a as usize];
+        Subject { ends: [&self.apexes[a as usize], &self.apexes[b as usize]], edge, pin }
     }
 
-    /// The minimum of the quadric that keeps the volume, unless it lies far off.
-    fn place(
-        &self,
-        surface: &Surface,
-        ends: (u32, u32),
-        quadric: &Quadric,
-        middle: DVec3,
-        length_squared: f64,
-    ) -> Option<DVec3> {
-        let volume = self.joint_volume(surface, ends.0, ends.1);
-        // Where area vectors cancel (folds, needles) the constraint plane means nothing.
-        let meaningful = volume.normal.length_squared() > 1e-4 * quadric.trace() * quadric.trace();
-        let near = |x: &DVec3| x.distance_squared(middle) < 4.0 * length_squared && self.room.contains(*x);
-        let constrained =
-            meaningful.then(|| quadric.minimum_near(middle, STIFFNESS, Some(&volume))).flatten().filter(near);
-        constrained.or_else(|| quadric.minimum_near(middle, STIFFNESS, None).filter(near))
-    }
-
-    /// Volume constraint of the faces around both ends, each face once.
-    fn joint_volume(&self, surface: &Surface, a: u32, b: u32) -> Volume {
-        let mut volume = self.points[a as usize].volume;
-        volume.add(&self.points[b as usize].volume, 1.0);
-        for &corner in surface.ring(a) {
-            if surface.opposite(corner).contains(&b) {
-                let triangle = surface.triangle(Surface::face_of(corner));
-                let (normal, area) = normal_and_area(triangle);
-                volume.add(&Volume::face(normal * area, triangle[0]), -1.0);
+    fn rank_some(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
+        let weight = self.options.curvature_weight;
+        let estimate = |edges: &[Edge; LANES]| {
+            let apex = |p: u32| &self.apexes[p as usize];
+            estimate(edges.each_ref().map(|e| apex(e.a)), edges.each_ref().map(|e| apex(e.b)), weight)
+        };
+        let (eights, rest) = edges.as_chunks();
+        let (costs_of_eights, costs_of_rest) = costs.as_chunks_mut();
+        eights.iter().zip(costs_of_eights).for_each(|(edges, costs)| *costs = estimate(edges));
+        if let Some(&last) = rest.last() {
+            let filled = std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last));
+            costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
+        }
+        let judge = |edge: &Edge| {
+            let candidate =
+                pinned(surface, locked, edge.a, edge.b).and_then(|pin| self.judge(surface, edge.a, edge.b, pin));
+            candidate.map_or(UNRANKED, |c| c.cost as f32)
+        };
+        for (edge, cost) in edges.iter().zip(costs) {
+            if !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
+                *cost = judge(edge);
+            } else if !self.metric.is_empty() {
+                let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
+                let attributes = self.metric.deviation(surface, edge.a, edge.b, middle);
+                *cost += (attributes * self.subject(surface, [edge.a, edge.b], None).factor(weight)) as f32;
             }
         }
-        volume
     }
 }
 
 impl Cost for Enhanced {
     fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
-        self.points.par_iter_mut().enumerate().for_each(|(p, state)| {
-            (state.quadric, state.volume) = Self::of_faces(surface, p as u32);
+        (0..surface.face_slots())
+            .into_par_iter()
+            .with_min_len(TASK)
+            .map(|f| if surface.is_live(f) { Facet::of(surface.triangle(f)) } else { Facet::default() })
+            .collect_into_vec(&mut self.facets);
+        let facets = &self.facets;
+        self.apexes.par_iter_mut().with_min_len(TASK).enumerate().for_each(|(p, apex)| {
+            let ring = surface.ring(p as u32);
+            apex.set_faces(surface.points[p], ring.iter().map(|&c| facets[Surface::face_of(c)]));
         });
+        self.ridged.fill(false);
         for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
-            if let Some(plane) = self.of_edge(surface, edge) {
-                self.points[edge.a as usize].quadric.add(&plane);
-                self.points[edge.b as usize].quadric.add(&plane);
-            }
+            self.add_edge(surface, edge, &[edge.a, edge.b]);
         }
-        self.metric = Metric::new(surface, &self.options.attribute_weights);
+        self.metric.refresh(surface);
+    }
+
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
+        costs.clear();
+        costs.resize(edges.len(), UNRANKED);
+        let tasks = edges.par_chunks(TASK).zip(costs.par_chunks_mut(TASK));
+        tasks.for_each(|(edges, costs)| self.rank_some(surface, edges, locked, costs));
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
-        let (sa, sb) = (&self.points[a as usize], &self.points[b as usize]);
-        let mut quadric = sa.quadric;
-        quadric.add(&sb.quadric);
-        let [pa, pb] = [a, b].map(|p| surface.points[p as usize]);
-        let (middle, length_squared) = ((pa + pb) * 0.5, pa.distance_squared(pb));
-        let geometric = |x: DVec3| quadric.at(x) + LENGTH_COST * quadric.trace() * length_squared;
-        let found = match fixed.or_else(|| self.place(surface, (a, b), &quadric, middle, length_squared)) {
-            Some(x) => Candidate { cost: geometric(x), position: x },
-            None => cheapest(&[pa, pb, middle], geometric)?,
-        };
-        let mut cost = found.cost;
+        let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
+        let shared = surface.ring(a).iter().filter(at_both);
+        let shared = shared.map(|&c| Facet::of(surface.triangle(Surface::face_of(c))).area_vector()).sum();
+        let start = surface.points[a as usize];
+        let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
+        let place = subject.place(shared, |offset| self.room.contains(start + offset));
+        let position = fixed.unwrap_or(start + place.offset);
+        let mut error = place.error;
         if !self.metric.is_empty() {
-            cost += self.metric.deviation(surface, &Merge::new(surface, a, b), found.position);
+            error += self.metric.deviation(surface, a, b, position);
         }
-        cost *= self.factor(sa, sb, length_squared);
-        cost.is_finite().then_some(Candidate { cost, position: found.position })
+        let cost = error * subject.factor(self.options.curvature_weight);
+        cost.is_finite().then_some(Candidate { cost, position })
+    }
+
+    fn metric(&self) -> &Metric {
+        &self.metric
     }
 
     fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
@@ -172,34 +147,36 @@ impl Cost for Enhanced {
     }
 
     fn merged(&mut self, kept: u32, gone: u32) {
-        let gone = self.points[gone as usize].curvature;
-        let kept = &mut self.points[kept as usize].curvature;
+        self.ridged[kept as usize] |= self.ridged[gone as usize];
+        let gone = self.apexes[gone as usize].curvature;
+        let kept = &mut self.apexes[kept as usize].curvature;
         *kept = 0.5 * (*kept + gone);
     }
 
     fn grow(&mut self, surface: &Surface) {
-        let known = self.points.len();
+        let known = self.apexes.len();
         for p in known..surface.points.len() {
             // New points take the mean of their neighbours' curvature; the rest is rebuilt at each pass.
-            let (mut sum, mut count) = (0.0, 0.0);
-            for n in surface.neighbours(p as u32).into_iter().filter(|&n| (n as usize) < known) {
-                sum += self.points[n as usize].curvature;
-                count += 1.0;
-            }
-            let curvature = if count > 0.0 { sum / count } else { 0.0 };
-            self.points.push(PointState { curvature, ..PointState::default() });
+            let neighbours = surface.neighbours(p as u32);
+            let curvatures = neighbours.iter().filter_map(|&n| self.apexes.get(n as usize)).map(|apex| apex.curvature);
+            let count = curvatures.clone().count().max(1);
+            let mean = curvatures.sum::<f32>() / count as f32;
+            self.apexes.push(Apex::with_curvature(mean));
+            self.ridged.push(false);
         }
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        let (mut quadric, volume) = Self::of_faces(surface, point);
+        let faces = surface.ring(point).iter().map(|&c| Facet::of(surface.triangle(Surface::face_of(c))));
+        self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
+        self.metric.update(surface, point);
+        if !self.ridged[point as usize] {
+            return;
+        }
         for other in surface.neighbours(point) {
-            let Some(kind) = edge_kind(surface, point, other).filter(|k| !k.is_plain()) else { continue };
-            if let Some(plane) = self.of_edge(surface, &Edge { a: point, b: other, kind }) {
-                quadric.add(&plane);
+            if let Some(edge) = find_edge(surface, point, other).filter(|e| !e.kind.is_plain()) {
+                self.add_edge(surface, &edge, &[point]);
             }
         }
-        let state = &mut self.points[point as usize];
-        (state.quadric, state.volume) = (quadric, volume);
     }
 }

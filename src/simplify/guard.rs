@@ -2,12 +2,10 @@
 
 use super::Refusals;
 use super::cost::{Candidate, Cost};
-use crate::curvature::normal_and_area;
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use glam::DVec3;
-use smallvec::SmallVec;
 
 /// Cosine of the largest angle by which a collapse may turn a face.
 const FLIP_COSINE: f64 = 0.2;
@@ -59,69 +57,96 @@ impl Cause {
 }
 
 /// Checks that something is left of the piece.
-pub(crate) fn check_remains(surface: &Surface, merge: &Merge) -> Result<(), Cause> {
+pub(crate) fn check_remains(merge: &Merge) -> Result<(), Cause> {
     // Whole pieces go at a price of their own, see `prune`.
-    if merge.surviving(surface).next().is_none() { Err(Cause::Vanish) } else { Ok(()) }
+    if merge.spokes.is_empty() { Err(Cause::Vanish) } else { Ok(()) }
 }
 
-/// Checks topology: the collapse must not join sheets or close holes (link condition).
-pub(crate) fn check_topology(surface: &Surface, merge: &Merge) -> Result<(), Cause> {
-    let (near, far) = (surface.neighbours(merge.kept), surface.neighbours(merge.gone));
-    let across: SmallVec<[u32; 4]> =
-        merge.faces.iter().flat_map(|&f| surface.face(f)).filter(|&p| p != merge.kept && p != merge.gone).collect();
-    if near.iter().any(|p| far.contains(p) && !across.contains(p)) {
+/// A set of points that is emptied at no cost.
+#[derive(Debug, Default)]
+pub(crate) struct Marks {
+    round: u32,
+    marks: Vec<u32>,
+}
+
+impl Marks {
+    /// Two fresh marks.
+    fn begin(&mut self, points: usize) -> [u32; 2] {
+        if self.marks.len() < points || self.round > u32::MAX - 4 {
+            self.marks.clear();
+            self.marks.resize(points, 0);
+            self.round = 0;
+        }
+        self.round += 2;
+        [self.round - 1, self.round]
+    }
+
+    fn set(&mut self, point: u32, mark: u32) {
+        self.marks[point as usize] = mark;
+    }
+
+    fn has(&self, point: u32, mark: u32) -> bool {
+        self.marks[point as usize] == mark
+    }
+}
+
+/// Checks topology: the collapse must not join sheets or close holes (link condition). `border`: which points lie on an open edge.
+pub(crate) fn check_topology(
+    surface: &Surface,
+    merge: &Merge,
+    border: &[bool],
+    marks: &mut Marks,
+) -> Result<(), Cause> {
+    let [near, across] = marks.begin(surface.points.len());
+    for &corner in merge.spokes_of_kept() {
+        surface.opposite(corner).iter().for_each(|&p| marks.set(p, near));
+    }
+    merge.across(surface).for_each(|p| marks.set(p, across));
+    let far = merge.spokes_of_gone().iter().flat_map(|&c| surface.opposite(c));
+    if far.into_iter().any(|p| marks.has(p, near)) {
         return Err(Cause::Link);
     }
     // Faces over the same points across the edge, one at either end, would lie on each other (the tetrahedron).
-    let over_across = |&c: &u32| surface.opposite(c).iter().all(|p| across.contains(p));
-    if merge.surviving(surface).filter(over_across).count() > 1 {
+    let over_across = |&&c: &&u32| surface.opposite(c).iter().all(|&p| marks.has(p, across));
+    if merge.spokes.iter().filter(over_across).count() > 1 {
         return Err(Cause::Link);
     }
-    if is_on_border(surface, merge.kept) && is_on_border(surface, merge.gone) {
+    if border[merge.kept as usize] && border[merge.gone as usize] && merge.faces.len() == 2 {
         let kind = edge_kind(surface, merge.kept, merge.gone).unwrap_or_default();
-        if !kind.has(EdgeKind::BORDER) && !kind.has(EdgeKind::COMPLEX) {
+        if !kind.has(EdgeKind::COMPLEX) {
             return Err(Cause::Border);
         }
     }
     Ok(())
 }
 
-/// Whether a point lies on an open edge.
-pub(crate) fn is_on_border(surface: &Surface, point: u32) -> bool {
-    // Each neighbour on a closed fan is met twice; one that is met once ends an open edge.
-    let mut once: SmallVec<[u32; 16]> = SmallVec::new();
-    for &corner in surface.ring(point) {
-        for p in surface.opposite(corner) {
-            match once.iter().position(|&q| q == p) {
-                Some(at) => {
-                    once.swap_remove(at);
-                }
-                None => once.push(p),
-            }
-        }
-    }
-    !once.is_empty()
-}
-
 /// Checks the faces that survive: none may turn by more than the limit; with `needles`, none may become a worse needle than was there.
 pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needles: bool) -> Result<(), Cause> {
     let mut worst = f64::INFINITY;
-    for corner in merge.surviving(surface) {
-        let before = surface.triangle(Surface::face_of(corner));
-        let mut after = before;
-        after[(corner & 3) as usize] = position;
-        let ((old, _), (new, _)) = (normal_and_area(before), normal_and_area(after));
-        if old != DVec3::ZERO && new.dot(old) < FLIP_COSINE {
+    for &corner in &merge.spokes {
+        let [p, q] = surface.opposite(corner).map(|p| surface.points[p as usize]);
+        let apex = surface.points[surface.point_at(corner) as usize];
+        let (old, new) = ((p - apex).cross(q - apex), (p - position).cross(q - position));
+        let turn = new.dot(old);
+        let least = FLIP_COSINE * FLIP_COSINE * new.length_squared() * old.length_squared();
+        if (turn <= 0.0 || turn * turn < least) && old != DVec3::ZERO {
             return Err(Cause::Flip);
         }
-        worst = worst.min(face_quality(after));
+        let edges = p.distance_squared(position) + q.distance_squared(position) + p.distance_squared(q);
+        worst = worst.min(squared_quality(new.length_squared(), edges));
     }
-    let was_worse = || merge.corners(surface).any(|c| face_quality(surface.triangle(Surface::face_of(c))) <= worst);
-    if needles && worst < NEEDLE_QUALITY && !was_worse() { Err(Cause::Needle) } else { Ok(()) }
+    let is_worse = |c| {
+        let [a, b, c] = surface.triangle(Surface::face_of(c));
+        let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
+        squared_quality((b - a).cross(c - a).length_squared(), edges) <= worst
+    };
+    if needles && worst < NEEDLE_QUALITY * NEEDLE_QUALITY && !merge.corners(surface).any(is_worse) {
+        return Err(Cause::Needle);
+    }
+    Ok(())
 }
 
-/// 4√3 · area / Σ edge²: 1 for an equilateral triangle, 0 for a degenerate one.
-pub(crate) fn face_quality([a, b, c]: [DVec3; 3]) -> f64 {
-    let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    if edges > 0.0 { 2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / edges } else { 0.0 }
+/// The square of 4√3 · area / Σ edge² (1 for an equilateral triangle, 0 for a degenerate one), from |2 · area|² and Σ edge².
+fn squared_quality(double_area_squared: f64, edges: f64) -> f64 {
+    if edges > 0.0 { 12.0 * double_area_squared / (edges * edges) } else { 0.0 }
 }

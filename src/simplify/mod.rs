@@ -9,6 +9,7 @@ mod levels;
 mod options;
 mod paper;
 mod passes;
+mod placement;
 mod prune;
 mod quadric;
 mod queue;

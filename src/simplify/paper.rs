@@ -6,10 +6,8 @@ use super::options::Options;
 use super::quadric::Quadric;
 use crate::attributes::Metric;
 use crate::curvature::{Curvature, border_points, normal_and_area};
-use crate::mesh::edges::Edge;
+use crate::mesh::edges::{Edge, EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
-use crate::simplify::guard::is_on_border;
 use glam::DVec3;
 
 /// ESQEM's a: the curvature term lies two orders of magnitude below the quadric term.
@@ -19,7 +17,6 @@ const CURVATURE_SHARE: f64 = 0.01;
 pub(crate) struct Paper {
     constraints: Constraints,
     room: Room,
-    options: Options,
     quadrics: Vec<Quadric>,
     curvatures: Vec<Curvature>,
     /// ω = a · Q_avg / K_avg; 0 for QEM.
@@ -33,11 +30,10 @@ impl Paper {
         let mut paper = Self {
             constraints: Constraints::new(options),
             room: Room::of(&surface.points),
-            options: options.clone(),
             quadrics: vec![Quadric::default(); surface.points.len()],
             curvatures: Vec::new(),
             omega: 0.0,
-            metric: Metric::default(),
+            metric: Metric::new(surface, &options.attribute_weights),
         };
         paper.accumulate(surface, edges);
         paper
@@ -67,10 +63,12 @@ impl Paper {
             surface.face(f).iter().for_each(|&p| self.quadrics[p as usize].add(&plane));
         }
         for edge in edges.iter().filter(|e| self.constraints.weight(e.kind) > 0.0) {
-            let mut plane = Quadric::default();
-            plane.add_scaled(&upright_planes(surface, edge), self.constraints.weight(edge.kind));
-            self.quadrics[edge.a as usize].add(&plane);
-            self.quadrics[edge.b as usize].add(&plane);
+            let (through, weight) = (surface.points[edge.a as usize], self.constraints.weight(edge.kind));
+            for normal in upright_planes(surface, edge) {
+                let plane = Quadric::plane(normal, through, weight);
+                self.quadrics[edge.a as usize].add(&plane);
+                self.quadrics[edge.b as usize].add(&plane);
+            }
         }
     }
 
@@ -102,7 +100,7 @@ impl Cost for Paper {
         if !self.curvatures.is_empty() {
             self.curvatures = curvatures(surface, edges);
         }
-        self.metric = Metric::new(surface, &self.options.attribute_weights);
+        self.metric.refresh(surface);
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
@@ -113,10 +111,14 @@ impl Cost for Paper {
             let area = pa.distance_squared(pb);
             // The quadrics here are not weighted by area; divided by it, the attribute term is of their unit.
             if area > 0.0 {
-                candidate.cost += self.metric.deviation(surface, &Merge::new(surface, a, b), candidate.position) / area;
+                candidate.cost += self.metric.deviation(surface, a, b, candidate.position) / area;
             }
         }
         candidate.cost.is_finite().then_some(candidate)
+    }
+
+    fn metric(&self) -> &Metric {
+        &self.metric
     }
 
     fn weigh(&self, _area: f64, distance_squared: f64) -> f64 {
@@ -132,13 +134,16 @@ impl Cost for Paper {
         self.quadrics.resize(surface.points.len(), Quadric::default());
         if !self.curvatures.is_empty() {
             let new = self.curvatures.len() as u32..surface.points.len() as u32;
-            self.curvatures.extend(new.map(|p| Curvature::at(surface, p, is_on_border(surface, p))));
+            self.curvatures.extend(new.map(|p| Curvature::at(surface, p, false)));
         }
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
+        self.metric.update(surface, point);
         if let Some(curvature) = self.curvatures.get_mut(point as usize) {
-            *curvature = Curvature::at(surface, point, is_on_border(surface, point));
+            let on_border = |q| edge_kind(surface, point, q).is_some_and(|kind| kind.has(EdgeKind::BORDER));
+            let border = surface.neighbours(point).into_iter().any(on_border);
+            *curvature = Curvature::at(surface, point, border);
         }
     }
 }

@@ -1,55 +1,90 @@
-//! The fast schedule: rank all edges, sort once, collapse greedily where nothing nearby has changed in this pass, repeat.
+//! The fast schedule: rank all edges, sort once, collapse from the cheap end, repeat.
+//!
+//! A point moves once in a pass. Points next to it are judged anew when their turn comes, so that costs are those of the surface as it is;
+//! only the order is that of the pass's start.
 
-use super::cost::Rank;
+use super::cost::UNRANKED;
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
-use crate::mesh::edges::Edge;
-use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::iter::Peekable;
+use std::mem::take;
 
-/// Share of the collapses still needed that one pass aims at: less means stricter order, more means fewer passes.
-const PASS_SHARE: f64 = 0.5;
 /// Share of all faces that a pass may take at least: small steps do not pay for the ranking of all edges.
-const LEAST_SHARE: f64 = 0.03;
+const LEAST_SHARE: f64 = 0.2;
 /// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
-const COST_SLACK: f64 = 1.5;
+const COST_SLACK: f32 = 3.0;
+
+/// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
+const REORDER: f64 = 2.0;
+
+/// Memory that passes share.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    costs: Vec<f32>,
+    order: Vec<Turn>,
+    points: Vec<State>,
+}
+
+/// What a pass has done to a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum State {
+    /// Nothing that is not known.
+    Fresh,
+    /// A neighbour moved: what is known of the point is old.
+    Stale,
+    /// It moved, or is gone.
+    Moved,
+}
 
 /// One pass towards `target` faces (± 1).
-pub(crate) fn run_pass(reducer: &mut Reducer, target: usize) {
-    let edges = reducer.refresh();
-    let mut ranking = Ranking::new(reducer, &edges);
+pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target: usize) {
+    reducer.refresh();
+    reducer.rank(&mut workspace.costs);
+    let mut turns = Turns::new(&workspace.costs, take(&mut workspace.order));
     let excess = reducer.surface.face_count() - target;
-    let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
-    let mut touched = vec![false; reducer.surface.points.len()];
+    let mut pieces = reducer.pieces().into_iter().peekable();
+    let points = &mut workspace.points;
+    points.clear();
+    points.resize(reducer.surface.points.len(), State::Fresh);
     let mut pace = Pace::new(excess, reducer.surface.face_count());
     let mut left = excess;
-    while let Some(r) = ranking.next() {
-        let cost = r.rank.cost();
-        while let Some(piece) = pieces.next_if(|p| p.cost <= cost) {
-            let removed = prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+    while let Some(turn) = turns.next() {
+        let cost = turn.cost();
+        while let Some(piece) = pieces.next_if(|p| p.cost <= f64::from(cost)) {
+            let removed = remove_piece(reducer, &piece, left, points);
             pace.take(removed);
             left -= removed;
         }
         if left == 0 || pace.is_over(cost) {
             break;
         }
-        let e = &edges[r.edge as usize];
-        if touched[e.a as usize] || touched[e.b as usize] {
+        let edge = &reducer.edges[turn.edge as usize];
+        let (a, b) = (edge.a, edge.b);
+        if points[a as usize].max(points[b as usize]) == State::Moved {
             pace.count(cost);
             continue;
         }
-        let Some(candidate) = reducer.judge(e.a, e.b) else { continue };
-        match reducer.collapse((e.a, e.b), candidate, Terms { paid: r.paid, most: left + 1 }) {
+        for p in [a, b] {
+            if points[p as usize] == State::Stale {
+                reducer.cost.update(&reducer.surface, p);
+                points[p as usize] = State::Fresh;
+            }
+        }
+        let Some(candidate) = reducer.judge(a, b) else { continue };
+        if candidate.cost > f64::from(cost) * REORDER {
+            turns.defer(Turn { key: (candidate.cost as f32).to_bits(), ..turn });
+            continue;
+        }
+        match reducer.collapse((a, b), candidate, Terms { paid: turn.paid, most: left + 1 }) {
             Outcome::Done(removed) => {
                 pace.count(cost);
                 pace.take(removed);
-                touch(reducer, e.a, &mut touched);
-                touched[e.b as usize] = true;
                 left = left.saturating_sub(removed);
+                touch(reducer, a, points);
+                points[b as usize] = State::Moved;
             }
-            Outcome::Fined(cost) => ranking.defer(Ranked { rank: Rank::of(cost), paid: true, ..r }),
+            Outcome::Fined(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), paid: true, ..turn }),
             Outcome::Refused => {}
         }
     }
@@ -57,55 +92,71 @@ pub(crate) fn run_pass(reducer: &mut Reducer, target: usize) {
     if left == excess
         && let Some(piece) = pieces.next()
     {
-        prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+        remove_piece(reducer, &piece, left, points);
     }
+    workspace.order = turns.sorted;
 }
 
-/// What was judged before a neighbour moved is stale: it waits for the next pass.
-fn touch(reducer: &Reducer, point: u32, touched: &mut [bool]) {
-    touched[point as usize] = true;
+fn touch(reducer: &Reducer, point: u32, points: &mut [State]) {
     let surface = &reducer.surface;
     for &corner in surface.ring(point) {
-        surface.opposite(corner).iter().for_each(|&p| touched[p as usize] = true);
+        for p in surface.opposite(corner) {
+            points[p as usize] = points[p as usize].max(State::Stale);
+        }
     }
+    points[point as usize] = State::Moved;
 }
 
-/// A collapse in the order of costs.
+/// Removes a piece that is as it was when the pass began; gives the faces removed.
+fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, points: &mut [State]) -> usize {
+    prune::remove(&mut reducer.surface, piece, most, |p| points[p as usize] == State::Fresh)
+}
+
+/// An edge in the order of costs. Costs are never negative, so their bits order as they do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Ranked {
-    rank: Rank,
+struct Turn {
+    key: u32,
     edge: u32,
     paid: bool,
 }
 
-/// Edges by cost: those sorted at the start, and those that were fined since.
-struct Ranking {
-    sorted: Peekable<std::vec::IntoIter<Ranked>>,
-    deferred: BinaryHeap<Reverse<Ranked>>,
+impl Turn {
+    fn cost(self) -> f32 {
+        f32::from_bits(self.key)
+    }
 }
 
-impl Ranking {
-    fn new(reducer: &mut Reducer, edges: &[Edge]) -> Self {
-        reducer.count_locked(edges);
-        let judge = |(i, e): (usize, &Edge)| {
-            let candidate = reducer.judge(e.a, e.b)?;
-            Some(Ranked { rank: Rank::of(candidate.cost), edge: i as u32, paid: false })
-        };
-        let mut sorted: Vec<Ranked> = edges.par_iter().enumerate().filter_map(judge).collect();
-        sorted.par_sort_unstable();
-        Self { sorted: sorted.into_iter().peekable(), deferred: BinaryHeap::new() }
+/// Edges by cost: those sorted at the start, and those that were fined since.
+struct Turns {
+    sorted: Vec<Turn>,
+    next: usize,
+    deferred: BinaryHeap<Reverse<Turn>>,
+}
+
+impl Turns {
+    /// `sorted` is memory to reuse.
+    fn new(costs: &[f32], mut sorted: Vec<Turn>) -> Self {
+        sorted.clear();
+        let possible = costs.iter().enumerate().filter(|(_, cost)| **cost < UNRANKED);
+        sorted.extend(possible.map(|(i, cost)| Turn { key: cost.to_bits(), edge: i as u32, paid: false }));
+        // Exponent and eight bits of the mantissa: an order to 0.4 % is as good, and takes two sweeps.
+        radsort::sort_by_key(&mut sorted, |turn| (turn.key >> 15) as u16);
+        Self { sorted, next: 0, deferred: BinaryHeap::new() }
     }
 
-    fn next(&mut self) -> Option<Ranked> {
-        match (self.sorted.peek(), self.deferred.peek()) {
-            (Some(fresh), Some(Reverse(fined))) if fined < fresh => self.deferred.pop().map(|r| r.0),
-            (None, _) => self.deferred.pop().map(|r| r.0),
-            _ => self.sorted.next(),
+    fn next(&mut self) -> Option<Turn> {
+        match (self.sorted.get(self.next), self.deferred.peek()) {
+            (Some(fresh), Some(Reverse(fined))) if fined < fresh => self.deferred.pop().map(|turn| turn.0),
+            (None, _) => self.deferred.pop().map(|turn| turn.0),
+            (Some(&fresh), _) => {
+                self.next += 1;
+                Some(fresh)
+            }
         }
     }
 
-    fn defer(&mut self, ranked: Ranked) {
-        self.deferred.push(Reverse(ranked));
+    fn defer(&mut self, turn: Turn) {
+        self.deferred.push(Reverse(turn));
     }
 }
 
@@ -116,7 +167,7 @@ impl Ranking {
 struct Pace {
     /// Edges, collapsed or waiting, until the limit is set.
     open: usize,
-    limit: Option<f64>,
+    limit: Option<f32>,
     /// Faces until the pass ends in any case.
     faces: usize,
 }
@@ -124,7 +175,7 @@ struct Pace {
 impl Pace {
     fn new(excess: usize, faces: usize) -> Self {
         // A collapse takes two faces.
-        let aim = (excess as f64 * 0.5 * PASS_SHARE).max(faces as f64 * 0.5 * LEAST_SHARE).ceil() as usize;
+        let aim = (excess as f64 * 0.5).max(faces as f64 * 0.5 * LEAST_SHARE).ceil() as usize;
         Self { open: aim, limit: None, faces: 2 * aim }
     }
 
@@ -132,14 +183,14 @@ impl Pace {
         self.faces = self.faces.saturating_sub(faces);
     }
 
-    fn count(&mut self, cost: f64) {
+    fn count(&mut self, cost: f32) {
         self.open = self.open.saturating_sub(1);
         if self.open == 0 && self.limit.is_none() {
             self.limit = Some(cost * COST_SLACK);
         }
     }
 
-    fn is_over(&self, cost: f64) -> bool {
+    fn is_over(&self, cost: f32) -> bool {
         self.faces == 0 || self.limit.is_some_and(|limit| cost > limit)
     }
 }

@@ -17,6 +17,14 @@ pub(crate) struct Piece {
     pub cost: f64,
 }
 
+/// Whether there is more than one connected piece.
+pub(crate) fn are_there_pieces(surface: &Surface) -> bool {
+    let mut parent = join_faces(surface);
+    let mut roots = surface.live_faces().map(|f| find(&mut parent, surface.face(f)[0]));
+    let first = roots.next();
+    roots.any(|root| Some(root) != first)
+}
+
 /// The connected pieces, cheapest first, without the dearest: that one stays.
 pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     let mut pieces = split_pieces(surface, cost);
@@ -25,27 +33,18 @@ pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     pieces
 }
 
-/// Removes a piece, if it is untouched in this pass and has no more than `most + 1` faces; gives the faces removed, at most `most`.
-pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, touched: &mut [bool]) -> usize {
-    let fresh =
-        |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize]);
-    if most == 0 || piece.faces.len() > most + 1 || !piece.faces.iter().all(fresh) {
+/// Removes a piece, if its points are all `fresh` and it has no more than `most + 1` faces; gives the faces removed, at most `most`.
+pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, fresh: impl Fn(u32) -> bool) -> usize {
+    let untouched = |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| fresh(p));
+    if most == 0 || piece.faces.len() > most + 1 || !piece.faces.iter().all(untouched) {
         return 0;
     }
-    for &face in &piece.faces {
-        surface.face(face as usize).iter().for_each(|&p| touched[p as usize] = true);
-        surface.remove_face(face as usize);
-    }
+    piece.faces.iter().for_each(|&face| surface.remove_face(face as usize));
     piece.faces.len().min(most)
 }
 
 fn split_pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
-    let mut parent: Vec<u32> = (0..surface.points.len() as u32).collect();
-    for f in surface.live_faces() {
-        let [a, b, c] = surface.face(f);
-        join(&mut parent, a, b);
-        join(&mut parent, a, c);
-    }
+    let mut parent = join_faces(surface);
     let mut index = vec![u32::MAX; surface.points.len()];
     let mut gathered: Vec<(Vec<u32>, f64, DVec3, DVec3)> = Vec::new();
     for f in surface.live_faces() {
@@ -70,6 +69,17 @@ fn split_pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
             Piece { faces, cost: cost.weigh(area.max(SEEN_SHARE * square), square / 3.0) }
         })
         .collect()
+}
+
+/// A forest of points with one tree for each piece.
+fn join_faces(surface: &Surface) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..surface.points.len() as u32).collect();
+    for f in surface.live_faces() {
+        let [a, b, c] = surface.face(f);
+        join(&mut parent, a, b);
+        join(&mut parent, a, c);
+    }
+    parent
 }
 
 fn find(parent: &mut [u32], mut p: u32) -> u32 {

@@ -1,5 +1,4 @@
-//! Quadric error functions (Garland & Heckbert 1997) and the placement that minimises them, with a volume constraint
-//! (Lindstrom & Turk 1998) and a regularisation that keeps every system solvable (after Trettner & Kobbelt 2020).
+//! Quadric error functions (Garland & Heckbert 1997) and the placement that minimises them.
 
 use glam::DVec3;
 
@@ -30,7 +29,7 @@ impl Quadric {
     }
 
     /// Adds `scale` times `other`.
-    pub fn add_scaled(&mut self, other: &Self, scale: f64) {
+    fn add_scaled(&mut self, other: &Self, scale: f64) {
         for i in 0..6 {
             self.a[i] += other.a[i] * scale;
         }
@@ -43,11 +42,6 @@ impl Quadric {
         (x.dot(self.multiply(x)) + 2.0 * self.b.dot(x) + self.c).max(0.0)
     }
 
-    /// Sum of the weights of its planes.
-    pub fn trace(&self) -> f64 {
-        self.a[0] + self.a[3] + self.a[5]
-    }
-
     fn multiply(&self, x: DVec3) -> DVec3 {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         DVec3::new(xx * x.x + xy * x.y + xz * x.z, xy * x.x + yy * x.y + yz * x.z, xz * x.x + yz * x.y + zz * x.z)
@@ -56,49 +50,6 @@ impl Quadric {
     /// The minimum, if A is well conditioned.
     pub fn minimum(&self) -> Option<DVec3> {
         Inverse::of(&self.a, 1e-9).map(|inverse| inverse.multiply(-self.b))
-    }
-
-    /// The minimum near `start`: `stiffness` (relative to the trace) pulls towards `start`, and the result satisfies `volume` if given.
-    pub fn minimum_near(&self, start: DVec3, stiffness: f64, volume: Option<&Volume>) -> Option<DVec3> {
-        let mut a = self.a;
-        let pull = stiffness * self.trace();
-        for i in [0, 3, 5] {
-            a[i] += pull;
-        }
-        let inverse = Inverse::of(&a, 0.0)?;
-        // Twice: the second step starts from the first's result, so the pull's bias is squared away wherever the surface decides.
-        let mut x = start;
-        for _ in 0..2 {
-            x += inverse.multiply(-(self.multiply(x) + self.b));
-        }
-        let Some(volume) = volume else { return Some(x) };
-        let direction = inverse.multiply(volume.normal);
-        let slope = volume.normal.dot(direction);
-        let missing = volume.offset - volume.normal.dot(x);
-        (slope > 0.0).then(|| x + direction * (missing / slope))
-    }
-}
-
-/// The plane of positions that keep the enclosed volume: `normal · x = offset` (Lindstrom & Turk 1998, eq. 4). The sum over
-/// faces of their area vectors and of the tetrahedra they span with the origin.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Volume {
-    /// Sum of the area vectors (length: area).
-    pub normal: DVec3,
-    /// Sum of area vector · point of the face.
-    pub offset: f64,
-}
-
-impl Volume {
-    /// Of one face with this area vector, through `point`.
-    pub fn face(area: DVec3, point: DVec3) -> Self {
-        Self { normal: area, offset: area.dot(point) }
-    }
-
-    /// Adds `sign` times `other`.
-    pub fn add(&mut self, other: &Self, sign: f64) {
-        self.normal += other.normal * sign;
-        self.offset += other.offset * sign;
     }
 }
 
@@ -145,17 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_plane_has_no_minimum_but_a_nearest_one() {
-        let q = Quadric::plane(DVec3::Z, DVec3::ZERO, 1.0);
-        assert!(q.minimum().is_none());
-        let x = q.minimum_near(DVec3::new(1.0, 2.0, 3.0), 1e-6, None).unwrap_or_default();
-        assert!(x.distance(DVec3::new(1.0, 2.0, 0.0)) < 1e-4, "{x}");
-    }
-
-    #[test]
-    fn the_volume_constraint_holds() {
-        let volume = Volume::face(DVec3::new(0.3, 0.2, 1.0), DVec3::new(0.0, 0.0, 2.5));
-        let x = corner().minimum_near(DVec3::ZERO, 1e-4, Some(&volume)).unwrap_or_default();
-        assert!((volume.normal.dot(x) - volume.offset).abs() < 1e-9);
+    fn a_single_plane_has_no_minimum() {
+        assert!(Quadric::plane(DVec3::Z, DVec3::ZERO, 1.0).minimum().is_none());
     }
 }

@@ -1,10 +1,23 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
-use super::cost::Rank;
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+
+/// A cost as a key for sorting: costs are never negative, so their bits order as they do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Rank(u64);
+
+impl Rank {
+    fn of(cost: f64) -> Self {
+        Self(cost.max(0.0).to_bits())
+    }
+
+    fn cost(self) -> f64 {
+        f64::from_bits(self.0)
+    }
+}
 
 /// A collapse in the queue. Entries are never changed: one whose `version` is old is skipped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,11 +37,13 @@ struct Queue {
 
 impl Queue {
     fn fill(reducer: &mut Reducer) -> Self {
-        let edges = reducer.refresh();
-        reducer.count_locked(&edges);
-        let mut queue =
-            Self { heap: BinaryHeap::with_capacity(edges.len()), versions: vec![0; reducer.surface.points.len()] };
-        for e in &edges {
+        reducer.refresh();
+        reducer.count_locked();
+        let mut queue = Self {
+            heap: BinaryHeap::with_capacity(reducer.edges.len()),
+            versions: vec![0; reducer.surface.points.len()],
+        };
+        for e in &reducer.edges {
             queue.push(reducer, e.a, e.b);
         }
         queue
@@ -50,20 +65,20 @@ impl Queue {
 /// Collapses until `target` faces (± 1) or the end of the queue. Refused edges come back when something next to them changes.
 pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
-    let mut pieces = prune::pieces(&reducer.surface, &*reducer.cost).into_iter().peekable();
+    let mut pieces = reducer.pieces().into_iter().peekable();
     let mut touched = vec![false; reducer.surface.points.len()];
     while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
         let Some(Reverse(entry)) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
             continue;
         };
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
         if let Some(piece) = pieces.next_if(|p| p.cost <= entry.rank.cost()) {
-            prune::remove(&mut reducer.surface, &piece, left, &mut touched);
+            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
             queue.heap.push(Reverse(entry));
             continue;
         }

@@ -2,25 +2,38 @@
 
 use super::Refusals;
 use super::constraints::Constraints;
-use super::cost::{Candidate, Cost};
+use super::cost::{Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
-use super::guard::{Cause, check_remains, check_shape, check_topology};
+use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
 use super::options::{Algorithm, Mode, Options};
 use super::paper::Paper;
+use super::prune::{Piece, are_there_pieces, pieces};
 use crate::attributes::Solution;
+use crate::curvature::border_points;
 use crate::mesh::Mesh;
-use crate::mesh::edges::{Edge, collect_edges};
+use crate::mesh::edges::{Edge, Irregular, collect_edges, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
+use std::mem::take;
 
 /// A surface on its way from fine to coarse.
 pub(crate) struct Reducer {
     pub surface: Surface,
     pub cost: Box<dyn Cost>,
     pub refusals: Refusals,
+    /// The edges, as of the last refresh.
+    pub edges: Vec<Edge>,
+    /// Whether whole pieces may go: there are several.
+    has_pieces: bool,
     constraints: Constraints,
     locked: Vec<bool>,
+    /// Points on open borders.
+    border: Vec<bool>,
+    irregular: Irregular,
     solution: Solution,
+    /// The collapse in work, and marks for its checks: kept for their memory.
+    merge: Merge,
+    marks: Marks,
 }
 
 impl Reducer {
@@ -34,8 +47,21 @@ impl Reducer {
             Algorithm::Esqem(Mode::Paper) => Box::new(Paper::esqem(&surface, &edges, options)),
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
         };
-        let locked = constraints.lock_points(surface.points.len(), &edges);
-        Self { surface, cost, refusals: Refusals::default(), constraints, locked, solution: Solution::default() }
+        let points = surface.points.len();
+        Self {
+            cost,
+            refusals: Refusals::default(),
+            constraints,
+            locked: constraints.lock_points(points, &edges),
+            border: border_points(points, &edges),
+            irregular: Irregular::of(&surface, &edges),
+            has_pieces: are_there_pieces(&surface),
+            edges,
+            surface,
+            solution: Solution::default(),
+            merge: Merge::default(),
+            marks: Marks::default(),
+        }
     }
 
     /// Points that may not move.
@@ -45,65 +71,89 @@ impl Reducer {
 
     /// Goes on from another surface, made from this one by moving, adding and joining points.
     pub fn adopt(&mut self, surface: Surface) {
-        self.locked.resize(surface.points.len(), false);
+        let points = surface.points.len();
+        self.locked.resize(points, false);
+        self.border.resize(points, false);
+        self.irregular.grow(points);
         self.cost.grow(&surface);
         self.surface = surface;
+        self.surface.compact();
+        recollect_edges(&self.surface, &self.irregular, &mut self.edges);
     }
 
-    /// All edges as they are now, known to the cost.
-    pub fn refresh(&mut self) -> Vec<Edge> {
-        self.surface.compact();
-        let edges = collect_edges(&self.surface);
-        self.cost.refresh(&self.surface, &edges);
-        edges
+    /// Finds all edges as they are now, and has the cost look at them.
+    pub fn refresh(&mut self) {
+        if self.surface.compact() {
+            recollect_edges(&self.surface, &self.irregular, &mut self.edges);
+        }
+        self.cost.refresh(&self.surface, &self.edges);
+    }
+
+    /// The pieces that may go as a whole, cheapest first.
+    pub fn pieces(&self) -> Vec<Piece> {
+        if self.has_pieces { pieces(&self.surface, &*self.cost) } else { Vec::new() }
+    }
+
+    /// About what all edges cost.
+    pub fn rank(&mut self, costs: &mut Vec<f32>) {
+        self.count_locked();
+        self.cost.rank(&self.surface, &self.edges, &self.locked, costs);
     }
 
     /// The candidate for an edge; `None` if it is locked or costs nothing finite.
     pub fn judge(&self, a: u32, b: u32) -> Option<Candidate> {
-        let point = |p: u32| self.surface.points[p as usize];
-        let fixed = match (self.locked[a as usize], self.locked[b as usize]) {
-            (true, true) => return None,
-            (true, false) => Some(point(a)),
-            (false, true) => Some(point(b)),
-            (false, false) => None,
-        };
-        self.cost.judge(&self.surface, a, b, fixed)
+        pinned(&self.surface, &self.locked, a, b).and_then(|pin| self.cost.judge(&self.surface, a, b, pin))
     }
 
     /// Counts the edges that may not collapse because both ends are locked.
-    pub fn count_locked(&mut self, edges: &[Edge]) {
+    pub fn count_locked(&mut self) {
         let locked = |e: &&Edge| self.locked[e.a as usize] && self.locked[e.b as usize];
-        self.refusals.border += edges.iter().filter(locked).count() as u64;
+        self.refusals.border += self.edges.iter().filter(locked).count() as u64;
     }
 
     /// Collapses an edge unless a guard refuses.
     pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
-        let merge = Merge::new(&self.surface, a, b);
+        let mut merge = take(&mut self.merge);
+        merge.look(&self.surface, a, b);
+        let outcome = self.carry_out(&merge, candidate, terms);
+        self.merge = merge;
+        outcome
+    }
+
+    fn carry_out(&mut self, merge: &Merge, candidate: Candidate, terms: Terms) -> Outcome {
+        let (a, b) = (merge.kept, merge.gone);
         if merge.faces.is_empty() || merge.faces.len() > terms.most {
             return Outcome::Refused;
         }
-        if let Err(cause) = self.check(&merge, candidate, terms) {
-            self.refusals.count(cause);
-            let length_squared = self.surface.points[a as usize].distance_squared(self.surface.points[b as usize]);
-            return cause.fined(&*self.cost, candidate, length_squared).map_or(Outcome::Refused, Outcome::Fined);
-        }
         let (start, end) = (self.surface.points[a as usize], self.surface.points[b as usize]);
         let along = end - start;
-        let t = (candidate.position - start).dot(along) / along.length_squared();
-        let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
-        self.solution.solve(&self.surface, &merge, candidate.position, t);
+        if let Err(cause) = self.check(merge, candidate, terms) {
+            self.refusals.count(cause);
+            return cause
+                .fined(&*self.cost, candidate, along.length_squared())
+                .map_or(Outcome::Refused, Outcome::Fined);
+        }
+        if !self.surface.wedges.is_plain() {
+            let t = (candidate.position - start).dot(along) / along.length_squared();
+            let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
+            self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
+        }
         merge.apply(&mut self.surface, candidate.position);
-        self.solution.write(&mut self.surface.wedges);
+        if !self.surface.wedges.is_plain() {
+            self.solution.write(&mut self.surface.wedges);
+        }
         self.locked[a as usize] |= self.locked[b as usize];
+        self.border[a as usize] |= self.border[b as usize];
+        self.irregular.follow(&self.surface, a, b, terms.paid);
         self.cost.merged(a, b);
         Outcome::Done(merge.faces.len())
     }
 
-    fn check(&self, merge: &Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
-        check_remains(&self.surface, merge)?;
+    fn check(&mut self, merge: &Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+        check_remains(merge)?;
         check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
         if !terms.paid {
-            check_topology(&self.surface, merge)?;
+            check_topology(&self.surface, merge, &self.border, &mut self.marks)?;
             if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
                 return Err(Cause::Seam);
             }

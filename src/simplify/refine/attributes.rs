@@ -4,7 +4,7 @@
 //! collapses have solved stays.
 
 use super::level::Level;
-use super::source::{Source, closest_point};
+use super::source::closest_point;
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::wedges::Wedges;
@@ -95,10 +95,3 @@ fn keep_charts(surface: &Surface, p: u32, row: &mut [f32]) {
 
 /// A face's area in the texture may grow by this factor.
 const MOST_GROWTH: f32 = 8.0;
-
-impl Source {
-    /// Positions of a face.
-    pub fn triangle(&self, face: u32) -> [glam::Vec3; 3] {
-        self.corners(face).map(|p| self.position(p))
-    }
-}

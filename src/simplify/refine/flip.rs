@@ -39,14 +39,11 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, thorough: bool) -> boo
         return false;
     }
     let mut after = level.appraise(&new);
-    let bridges = super::env("FLIPPROBE", 1.0) > 0.0;
     if after.turned > before.turned || (!thorough && after.cost > before.cost * (1.0 - LEAST_GAIN)) {
         return false;
     }
-    if thorough || bridges {
-        before.cost += level.price(&level.probe_pair(&old, level.foot(a).face));
-        after.cost += level.price(&level.probe_pair(&new, level.foot(c).face));
-    }
+    before.cost += level.price(&level.probe_pair(&old, level.foot(a).face));
+    after.cost += level.price(&level.probe_pair(&new, level.foot(c).face));
     let most = before.cost * (1.0 - LEAST_GAIN);
     let taken = || level.surface.ring(c).iter().any(|&corner| level.surface.opposite(corner).contains(&d));
     if after.cost > most || taken() || !edge_kind(level.surface, a, b).is_some_and(|k| k.is_plain()) {

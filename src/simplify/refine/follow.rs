@@ -34,7 +34,8 @@ pub(super) fn assign(
     }
     // The face found for each sample; pushed to the lists at the end.
     let mut found = vec![NONE; source.samples.len()];
-    let mut active: Vec<u32> = (0..surface.points.len() as u32).filter(|&p| by_point.head[p as usize] != NONE).collect();
+    let mut active: Vec<u32> =
+        (0..surface.points.len() as u32).filter(|&p| by_point.head[p as usize] != NONE).collect();
     let mut triangles: Vec<[Vec3; 3]> = Vec::new();
     for _ in 0..MOST_ROUNDS {
         let mut moved = Vec::new();
@@ -61,7 +62,13 @@ pub(super) fn assign(
                 let face = Surface::face_of(ring[which]);
                 found[s] = face as u32;
                 let (_, [a, b, c], _) = closest_point(triangles[which], source.samples[s].position);
-                let k = if a >= b && a >= c { 0 } else if b >= c { 1 } else { 2 };
+                let k = if a >= b && a >= c {
+                    0
+                } else if b >= c {
+                    1
+                } else {
+                    2
+                };
                 let corner = surface.face(face)[k];
                 anchors[s] = corner;
                 if corner != p {

@@ -178,7 +178,8 @@ impl Patch {
                 Vec4::select(near, Vec4::ZERO, dy * inverse),
                 Vec4::select(near, Vec4::ONE, dz * inverse),
             );
-            let pull = plane.along.scaled(dx).plus(&plane.across.scaled(dy)).plus(&plane.normal.scaled(dz)).scaled(lever);
+            let pull =
+                plane.along.scaled(dx).plus(&plane.across.scaled(dy)).plus(&plane.normal.scaled(dz)).scaled(lever);
             let weighed = pull.scaled(slope);
             let products = [
                 pull.x * weighed.x,

@@ -4,7 +4,7 @@ use super::level::{Level, area, unit_normal};
 use glam::{Vec3, Vec4};
 
 /// Weight of the fourth power of distances, in units of the mean square: prefers even errors.
-const EVENNESS: f32 = 0.1;
+const EVENNESS: f32 = 0.0;
 /// All turned normals together, relative to all distances.
 const NORMAL_SHARE: f32 = 0.3;
 /// A degenerate face, relative to the mean face.
@@ -49,15 +49,14 @@ impl Prices {
         if !(whole > 0.0 && surface > 0.0) {
             return Self::default();
         }
-        let e = super::env;
         let mean_square = ((squares / whole) as f32).max(ROUNDING);
         let face_area = whole as f32 / faces as f32;
         Self {
-            evenness: e("SOFT", EVENNESS) / mean_square,
+            evenness: EVENNESS / mean_square,
             peak: f32::INFINITY,
             peak_area: 0.0,
-            normal: if turned > 0.0 { e("NORMAL", NORMAL_SHARE) * mean_square * (whole / turned) as f32 } else { 0.0 },
-            needle: e("NEEDLE", NEEDLE_SHARE) * mean_square * face_area,
+            normal: if turned > 0.0 { NORMAL_SHARE * mean_square * (whole / turned) as f32 } else { 0.0 },
+            needle: NEEDLE_SHARE * mean_square * face_area,
             face_area,
             mean_square,
             density: (whole / surface) as f32,
@@ -67,7 +66,7 @@ impl Prices {
     /// Squared distances above `squared` become dear.
     pub fn set_peak(&mut self, squared: f32) {
         self.peak = squared;
-        self.peak_area = super::env("PKA", 1.0) * self.face_area;
+        self.peak_area = self.face_area;
     }
 
     /// What a face costs in the mean.

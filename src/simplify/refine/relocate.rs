@@ -8,7 +8,7 @@ use super::level::{Level, Triangles, area, unit_normal};
 use super::step::Step;
 
 /// Relative gain below which a step is noise, promised and kept.
-
+const LEAST_PROMISE: f32 = 5e-3;
 const LEAST_GAIN: f32 = 2e-3;
 /// Lengths of the steps tried.
 const SCALES: [f32; 2] = [1.0, 0.4];
@@ -37,7 +37,7 @@ pub(super) fn relocate(level: &mut Level, p: u32, thorough: bool) -> bool {
         step.add(foot.point - fan[0][0], 1.0, level.prices.slope(own_area, foot.distance_squared));
     }
     let Some((step, promise)) = step.solve() else { return false };
-    if promise < before.cost * super::env("PROMISE", 5e-3) {
+    if promise < before.cost * LEAST_PROMISE {
         return false;
     }
     for scale in SCALES {
@@ -48,7 +48,7 @@ pub(super) fn relocate(level: &mut Level, p: u32, thorough: bool) -> bool {
         }
         let mut after = level.appraise(&moved);
         let most = before.cost * (1.0 - LEAST_GAIN);
-        if after.turned > before.turned * super::env("TURNED", 1.0) || after.cost > most {
+        if after.turned > before.turned || after.cost > most {
             continue;
         }
         let foot = level.look_back(new, foot.face);

@@ -89,21 +89,27 @@ impl Source {
     pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
         let (vertices, all) = (self.vertices, self.samples.len());
         let others = wanted.saturating_sub(vertices);
+        let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
+        (0..vertices).chain((vertices..all).step_by(stride).take(others))
+    }
+
+    fn cross(&self, face: [u32; 3]) -> Vec3 {
+        let [a, b, c] = face.map(|p| self.points[p as usize]);
+        (b - a).cross(c - a)
+    }
+
+    /// The samples for a level: all vertices, and as many of the others as give `wanted`.
+    pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
+        let (vertices, all) = (self.vertices, self.samples.len());
+        let others = wanted.saturating_sub(vertices);
         let stride = if others == 0 { usize::MAX } else { ((all - vertices) / others).max(1) };
         let first = if others == 0 { all } else { vertices };
         (0..vertices).chain((first..all).step_by(stride))
     }
 
-    pub fn positions(&self) -> Vec<[f32; 3]> { self.points.iter().map(|p| p.to_array()).collect() }
-    pub fn triangles(&self) -> &[[u32; 3]] { &self.faces }
-
-    /// Points of a face.
-    pub fn corners(&self, face: u32) -> [u32; 3] {
-        self.faces[face as usize]
-    }
-
-    pub fn position(&self, point: u32) -> Vec3 {
-        self.points[point as usize]
+    /// Positions of a face.
+    pub fn triangle(&self, face: u32) -> [Vec3; 3] {
+        self.faces[face as usize].map(|p| self.points[p as usize])
     }
 
     /// A point of the source near a sample.
@@ -111,9 +117,12 @@ impl Source {
         self.faces[sample.face as usize][0]
     }
 
-    /// The closest point that a walk downhill from `start` finds: the closest of all if the start is near it.
+    /// The closest point that a walk downhill from the face `start` finds: the closest of all if the start is near it, or if there is no such face.
     pub fn walk(&self, x: Vec3, start: u32) -> Foot {
         const MOST_STEPS: usize = 100;
+        if start as usize >= self.faces.len() {
+            return self.search(x, Foot { distance_squared: f32::INFINITY, point: x, face: start });
+        }
         let (mut best, mut corner) = self.foot(x, start);
         for _ in 0..MOST_STEPS {
             let before = best.face;
@@ -161,8 +170,7 @@ impl Source {
     }
 
     fn foot(&self, x: Vec3, face: u32) -> (Foot, Feature) {
-        let triangle = self.faces[face as usize].map(|p| self.points[p as usize]);
-        let (point, _, feature) = closest_point(triangle, x);
+        let (point, _, feature) = closest_point(self.triangle(face), x);
         (Foot { distance_squared: point.distance_squared(x), point, face }, feature)
     }
 }

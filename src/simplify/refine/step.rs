@@ -28,7 +28,17 @@ impl Step {
         if length > 0.0 {
             let p = residual * (lever / length);
             let q = p * slope;
-            self.add_sums([p.x * q.x, p.x * q.y, p.x * q.z, p.y * q.y, p.y * q.z, p.z * q.z, q.x * length, q.y * length, q.z * length]);
+            self.add_sums([
+                p.x * q.x,
+                p.x * q.y,
+                p.x * q.z,
+                p.y * q.y,
+                p.y * q.z,
+                p.z * q.z,
+                q.x * length,
+                q.y * length,
+                q.z * length,
+            ]);
         }
     }
 
@@ -36,11 +46,9 @@ impl Step {
     pub fn solve(&self) -> Option<(Vec3, f32)> {
         let [xx, xy, xz, yy, yz, zz] = self.matrix;
         let pull = (xx + yy + zz) * DAMPING;
-        if !(pull > 0.0) {
-            return None;
-        }
         let matrix = Mat3::from_cols_array(&[xx + pull, xy, xz, xy, yy + pull, yz, xz, yz, zz + pull]);
         let right = Vec3::from_array(self.right);
+        // Without any pull the matrix has no inverse.
         let step = matrix.inverse() * right;
         step.is_finite().then(|| (step, step.dot(right)))
     }

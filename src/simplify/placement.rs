@@ -1,0 +1,407 @@
+//! Where the point of a collapsed edge goes and what that costs: the minimum of the quadrics at its ends that keeps the volume.
+//!
+//! The quadrics are memoryless: every plane of a point's quadric goes through the point itself, so that a quadric is a matrix `A` alone and its value at
+//! `x` is `(x − p)ᵀ A (x − p)`. Relative to the first end, with `e` the edge and `y` the place looked for, the sum of both is least where
+//! `(A + B) y = B e`, and the volume is kept where `g · y = N_b · e`: `g` is the sum of the area vectors of the faces around both ends, `N_b` of those
+//! around the second (Lindstrom & Turk 1998, eq. 4). A pull towards the middle of the edge, two steps of it, decides where the surface does not
+//! (after Trettner & Kobbelt 2020).
+//!
+//! Places are found in single precision, relative to the edge; what they cost is evaluated in double precision, since a plane's error next to nothing
+//! is the difference of large terms.
+
+use glam::{DVec3, Vec3};
+use wide::f32x8;
+
+/// Edges that are estimated together.
+pub(super) const LANES: usize = 8;
+
+/// Pull towards the edge's midpoint, relative to the quadrics' trace.
+const STIFFNESS: f32 = 1e-5;
+/// Square of the distance from the middle of the edge that a place may have, relative to the edge's.
+const REACH_SQUARED: f32 = 4.0;
+/// Square of the area vectors' sum, relative to the areas', below which they cancel: folds, needles. The volume constraint means nothing there.
+const LEAST_NORMAL_SQUARED: f32 = 1e-4;
+/// Largest K·|e|² that counts; beyond it the surface is not resolved anyway.
+const CURVATURE_CAP: f32 = 20.0;
+/// Weight of K·|e|² at a curvature weight of 1.
+const CURVATURE_SCALE: f32 = 2.0;
+/// 1 − cos of the angle between the end normals of an edge that counts as flat.
+const FLAT_ANGLE: f32 = 0.02;
+/// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
+const LENGTH_COST: f32 = 1e-12;
+
+/// What is known of a point: one cache line.
+///
+/// The quadric `Σ area · n nᵀ` is kept as `weight · m mᵀ + spread`, with the mean normal `m` and the covariance of the normals around it: that is
+/// exact where the surface is flat, even in single precision.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(C, align(64))]
+pub(super) struct Apex {
+    /// Σ area of the faces around the point.
+    weight: f32,
+    mean: [f32; 3],
+    /// xx, xy, xz, yy, yz, zz.
+    spread: [f32; 6],
+    /// |K| of the source, averaged at merges.
+    pub curvature: f32,
+    position: [f32; 3],
+    /// Fills the line.
+    rest: [f32; 2],
+}
+
+impl Apex {
+    pub fn with_curvature(curvature: f32) -> Self {
+        Self { curvature, ..Self::default() }
+    }
+
+    /// Takes the faces around the point.
+    #[inline]
+    pub fn set_faces(&mut self, position: DVec3, mut facets: impl Iterator<Item = Facet>) {
+        self.position = position.as_vec3().to_array();
+        let (mut weight, mut sum, mut spread) = (0.0, Vec3::ZERO, [0.0; 6]);
+        // Relative to the first normal, so that nothing cancels where all are alike.
+        let Some(first) = facets.next() else {
+            (self.weight, self.mean, self.spread) = (0.0, [0.0; 3], spread);
+            return;
+        };
+        weight += first.area;
+        for facet in facets {
+            let off = facet.normal - first.normal;
+            let heavy = off * facet.area;
+            weight += facet.area;
+            sum += heavy;
+            add_product(&mut spread, heavy, off);
+        }
+        let shift = if weight > 0.0 { sum / weight } else { Vec3::ZERO };
+        add_product(&mut spread, -sum, shift);
+        (self.weight, self.mean, self.spread) = (weight, (first.normal + shift).to_array(), spread);
+    }
+
+    /// Adds a plane through the point.
+    pub fn add_plane(&mut self, normal: DVec3, weight: f64) {
+        add_product(&mut self.spread, (normal * weight).as_vec3(), normal.as_vec3());
+    }
+
+    /// Sum of the area vectors.
+    fn normal(&self) -> Vec3 {
+        Vec3::from(self.mean) * self.weight
+    }
+
+    fn value(&self, y: Vec3) -> f32 {
+        let along = y.dot(self.mean.into());
+        self.weight * along * along + y.dot(multiply(&self.spread, y))
+    }
+
+    fn matrix(&self) -> [f32; 6] {
+        let mut matrix = self.spread;
+        add_product(&mut matrix, self.normal(), self.mean.into());
+        matrix
+    }
+}
+
+/// Unit normal and area of a face; both zero where it has none.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Facet {
+    normal: Vec3,
+    area: f32,
+}
+
+impl Facet {
+    #[inline]
+    pub fn of([a, b, c]: [DVec3; 3]) -> Self {
+        let cross = (b - a).cross(c - a);
+        let length = cross.length();
+        if length > 0.0 {
+            Self { normal: (cross / length).as_vec3(), area: (0.5 * length) as f32 }
+        } else {
+            Self::default()
+        }
+    }
+
+    pub fn area_vector(self) -> Vec3 {
+        self.normal * self.area
+    }
+}
+
+/// Adds the upper half of `a bᵀ`.
+#[inline]
+fn add_product(m: &mut [f32; 6], a: Vec3, b: Vec3) {
+    let products = [a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z];
+    m.iter_mut().zip(products).for_each(|(m, p)| *m += p);
+}
+
+/// An edge and what is known of its ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Subject<'a> {
+    pub ends: [&'a Apex; 2],
+    /// From the first end to the second.
+    pub edge: DVec3,
+    /// Where the point has to go, as a share of the edge.
+    pub pin: Option<f64>,
+}
+
+/// Where a point goes, relative to the edge's first end, and what it costs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    pub offset: DVec3,
+    /// Area · distance².
+    pub error: f64,
+}
+
+impl Subject<'_> {
+    /// Finds the place. `shared`: sum of the area vectors of the faces at both ends; `fits`: whether a place is allowed.
+    pub fn place(&self, shared: Vec3, fits: impl Fn(DVec3) -> bool) -> Place {
+        let offset = match self.pin {
+            Some(share) => self.edge * share,
+            None => self.minimum(shared, fits).unwrap_or_else(|| self.edge * self.best_share()),
+        };
+        Place { offset, error: f64::from(self.error(offset.as_vec3())) }
+    }
+
+    /// How much an error counts here: more where the surface is curved, and where it bends between the ends.
+    pub fn factor(&self, curvature_weight: f32) -> f64 {
+        let [a, b] = self.ends;
+        let length_squared = self.edge.length_squared() as f32;
+        f64::from(factor(a.mean, b.mean, a.curvature + b.curvature, length_squared, curvature_weight))
+    }
+
+    /// The minimum near the edge: the one that keeps the volume, if that means something.
+    fn minimum(&self, shared: Vec3, fits: impl Fn(DVec3) -> bool) -> Option<DVec3> {
+        let [a, b] = self.ends;
+        let edge = self.edge.as_vec3();
+        let (of_a, of_b) = (a.matrix(), b.matrix());
+        let joint: [f32; 6] = std::array::from_fn(|i| of_a[i] + of_b[i]);
+        let trace = joint[0] + joint[3] + joint[5];
+        let right = multiply(&of_b, edge);
+        let factors = Factors::of(&joint, trace * STIFFNESS);
+        let middle = edge * 0.5;
+        let mut free = middle;
+        // The second step starts from the first's result: the pull's bias is squared away wherever the surface decides.
+        for _ in 0..2 {
+            free += factors.solve(right - multiply(&joint, free));
+        }
+        let normal = a.normal() + b.normal() - shared;
+        let direction = factors.solve(normal);
+        let constrained = free + direction * ((b.normal().dot(edge) - normal.dot(free)) / normal.dot(direction));
+
+        let reach = REACH_SQUARED * edge.length_squared();
+        let fits = |place: &DVec3| place.as_vec3().distance_squared(middle) < reach && fits(*place);
+        let meaningful = normal.length_squared() > LEAST_NORMAL_SQUARED * trace * trace;
+        let constrained = Some(constrained.as_dvec3()).filter(|place| meaningful && fits(place));
+        constrained.or(Some(free.as_dvec3()).filter(fits))
+    }
+
+    /// Where no minimum is near, an end or the middle has to do: as a share of the edge.
+    #[cold]
+    fn best_share(&self) -> f64 {
+        let [start, end, middle] = [0.0, 1.0, 0.5].map(|share| self.error((self.edge * share).as_vec3()));
+        match (start <= end && start <= middle, end <= middle) {
+            (true, _) => 0.0,
+            (_, true) => 1.0,
+            _ => 0.5,
+        }
+    }
+
+    /// The quadrics' value, and the least that an edge of this length costs.
+    fn error(&self, y: Vec3) -> f32 {
+        let [a, b] = self.ends;
+        let edge = self.edge.as_vec3();
+        (a.value(y) + b.value(y - edge)).max(0.0) + LENGTH_COST * (a.weight + b.weight) * edge.length_squared()
+    }
+}
+
+fn factor(a: [f32; 3], b: [f32; 3], curvature: f32, length_squared: f32, curvature_weight: f32) -> f32 {
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let lengths = (dot(a, a) * dot(b, b)).sqrt();
+    let cosine = if lengths > 0.0 { dot(a, b) / lengths } else { 0.0 };
+    // QFVP's factor with w = 1/8: an exponent that square roots give is the same on every machine.
+    let angle = (1.0 + FLAT_ANGLE - cosine).max(0.0).sqrt().sqrt().sqrt();
+    let curvature = (0.5 * curvature * length_squared).min(CURVATURE_CAP);
+    (1.0 + curvature_weight * CURVATURE_SCALE * curvature) * angle
+}
+
+/// What the collapses of eight edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
+/// all that ranking needs.
+#[inline]
+pub(super) fn estimate(first: [&Apex; LANES], second: [&Apex; LANES], curvature_weight: f32) -> [f32; LANES] {
+    let (a, b) = (Lanes::of(first), Lanes::of(second));
+    let splat = f32x8::splat;
+    let edge = [0, 1, 2].map(|i| b.position[i] - a.position[i]);
+    // A e = weight (m · e) m + spread e.
+    let times_edge = |apex: &Lanes| {
+        let [xx, xy, xz, yy, yz, zz] = apex.spread;
+        let along = apex.weight * dot(apex.mean, edge);
+        let spread = [dot([xx, xy, xz], edge), dot([xy, yy, yz], edge), dot([xz, yz, zz], edge)];
+        let value = along * dot(apex.mean, edge) + dot(spread, edge);
+        ([0, 1, 2].map(|i| along * apex.mean[i] + spread[i]), value)
+    };
+    let ((u, at_end), (v, at_start)) = (times_edge(&a), times_edge(&b));
+    let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
+    let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
+    // Σ area · (n · N)², with all normals taken for their mean.
+    let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
+    let stiffness = a.weight * na * na + b.weight * nb * nb;
+    let above_middle = splat(0.25) * (at_start + at_end - slope * slope / stiffness.fast_max(splat(f32::MIN_POSITIVE)));
+    let length_squared = dot(edge, edge);
+    let least = splat(LENGTH_COST) * (a.weight + b.weight) * length_squared;
+    let error = at_start.fast_min(at_end).fast_min(above_middle).fast_max(splat(0.0)) + least;
+
+    let lengths = (dot(a.mean, a.mean) * dot(b.mean, b.mean)).sqrt();
+    let cosine = dot(a.mean, b.mean) / lengths.fast_max(splat(f32::MIN_POSITIVE));
+    let angle = (splat(1.0 + FLAT_ANGLE) - cosine).fast_max(splat(0.0)).sqrt().sqrt().sqrt();
+    let curvature = (splat(0.5) * (a.curvature + b.curvature) * length_squared).fast_min(splat(CURVATURE_CAP));
+    let factor = (splat(1.0) + splat(curvature_weight * CURVATURE_SCALE) * curvature) * angle;
+    (error * factor).to_array()
+}
+
+/// Eight points, number by number.
+struct Lanes {
+    weight: f32x8,
+    mean: [f32x8; 3],
+    spread: [f32x8; 6],
+    curvature: f32x8,
+    position: [f32x8; 3],
+}
+
+impl Lanes {
+    #[inline]
+    fn of(apexes: [&Apex; LANES]) -> Self {
+        let heads = apexes.map(|a| {
+            let ([x, y, z], s) = (a.mean, &a.spread);
+            f32x8::from([a.weight, x, y, z, s[0], s[1], s[2], s[3]])
+        });
+        let tails = apexes.map(|a| {
+            let ([x, y, z], s) = (a.position, &a.spread);
+            f32x8::from([s[4], s[5], a.curvature, x, y, z, a.rest[0], a.rest[1]])
+        });
+        let [weight, mx, my, mz, xx, xy, xz, yy] = f32x8::transpose(heads);
+        let [yz, zz, curvature, px, py, pz, ..] = f32x8::transpose(tails);
+        Self { weight, mean: [mx, my, mz], spread: [xx, xy, xz, yy, yz, zz], curvature, position: [px, py, pz] }
+    }
+}
+
+#[inline]
+fn dot(a: [f32x8; 3], b: [f32x8; 3]) -> f32x8 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn multiply([xx, xy, xz, yy, yz, zz]: &[f32; 6], v: Vec3) -> Vec3 {
+    Vec3::new(xx * v.x + xy * v.y + xz * v.z, xy * v.x + yy * v.y + yz * v.z, xz * v.x + yz * v.y + zz * v.z)
+}
+
+/// `L D Lᵀ` of a symmetric matrix: stable in single precision where a determinant is not.
+struct Factors {
+    lower: [f32; 3],
+    inverse_diagonal: [f32; 3],
+}
+
+impl Factors {
+    /// Of `matrix + pull · I`.
+    fn of([xx, xy, xz, yy, yz, zz]: &[f32; 6], pull: f32) -> Self {
+        let first = 1.0 / (xx + pull);
+        let (l10, l20) = (xy * first, xz * first);
+        // Rounding may eat what is left of a singular matrix, but not the pull.
+        let second = 1.0 / (yy + pull - l10 * xy).max(pull);
+        let cross = yz - l20 * xy;
+        let l21 = cross * second;
+        let third = 1.0 / (zz + pull - l20 * xz - l21 * cross).max(pull);
+        Self { lower: [l10, l20, l21], inverse_diagonal: [first, second, third] }
+    }
+
+    fn solve(&self, right: Vec3) -> Vec3 {
+        let [l10, l20, l21] = self.lower;
+        let [first, second, third] = self.inverse_diagonal;
+        let v = right.y - l10 * right.x;
+        let w = right.z - l20 * right.x - l21 * v;
+        let z = w * third;
+        let y = v * second - l21 * z;
+        Vec3::new(right.x * first - l10 * y - l20 * z, y, z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn apex(position: DVec3, triangles: &[[DVec3; 3]]) -> Apex {
+        let mut apex = Apex::default();
+        apex.set_faces(position, triangles.iter().map(|&t| Facet::of(t)));
+        apex
+    }
+
+    /// The quadric by its definition.
+    fn value(position: DVec3, triangles: &[[DVec3; 3]], x: DVec3) -> f64 {
+        let square = |[a, b, c]: &[DVec3; 3]| {
+            let cross = (b - a).cross(c - a);
+            0.5 * cross.length() * cross.normalize().dot(x - position).powi(2)
+        };
+        triangles.iter().map(square).sum()
+    }
+
+    const A: DVec3 = DVec3::new(0.1, 0.2, 0.0);
+    const B: DVec3 = DVec3::new(1.0, 0.1, 0.2);
+
+    /// Two tents that share the edge A–B.
+    fn tents() -> [Vec<[DVec3; 3]>; 2] {
+        let (up, down) = (DVec3::new(0.4, 1.0, -0.4), DVec3::new(0.6, -1.0, -0.5));
+        let (left, right) = (DVec3::new(-1.0, 0.0, -0.6), DVec3::new(2.0, 0.3, -0.3));
+        let shared = [[A, B, up], [B, A, down]];
+        let around = |p, far| vec![shared[0], shared[1], [p, up, far], [p, far, down]];
+        let [a, mut b] = [around(A, left), around(B, right)];
+        b[2..].iter_mut().for_each(|t| t.swap(1, 2));
+        [a, b]
+    }
+
+    #[test]
+    fn the_split_quadric_is_the_sum_over_its_planes() {
+        let [faces, _] = tents();
+        let apex = apex(A, &faces);
+        for x in [DVec3::ZERO, B, DVec3::new(0.3, -0.7, 2.0)] {
+            let (found, expected) = (f64::from(apex.value((x - A).as_vec3())), value(A, &faces, x));
+            assert!((found - expected).abs() < 1e-5 * expected.max(1e-3), "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_tilted_plane_costs_nothing_along_itself() {
+        let (u, v) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(-2.0, 0.5, 1.0));
+        let apex = apex(A, &[[A, A + u, A + v], [A, A + v, A - u], [A, A - u, A - v]]);
+        assert!(apex.value((u * 3.0 - v).as_vec3()) < 1e-10);
+    }
+
+    #[test]
+    fn the_place_keeps_the_volume() {
+        let [fa, fb] = tents();
+        let (a, b) = (apex(A, &fa), apex(B, &fb));
+        let shared: Vec3 = fa[..2].iter().map(|&t| Facet::of(t).area_vector()).sum();
+        let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
+        let x = A + subject.place(shared, |_| true).offset;
+        let volume = |replace: bool| -> f64 {
+            let moved = |p: DVec3| if replace && (p == A || p == B) { x } else { p };
+            let all = fa.iter().chain(&fb[2..]);
+            all.map(|t| t.map(moved)).map(|[a, b, c]| a.dot(b.cross(c))).sum()
+        };
+        assert!((volume(true) - volume(false)).abs() < 1e-5, "{} {}", volume(true), volume(false));
+    }
+
+    #[test]
+    fn an_estimate_is_about_what_the_place_costs() {
+        let [fa, fb] = tents();
+        let (a, b) = (apex(A, &fa), apex(B, &fb));
+        let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
+        let shared: Vec3 = fa[..2].iter().map(|&t| Facet::of(t).area_vector()).sum();
+        let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
+        for estimate in estimate([&a; LANES], [&b; LANES], 1.0) {
+            assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
+        }
+    }
+
+    #[test]
+    fn a_pinned_point_stays_at_its_end() {
+        let [fa, fb] = tents();
+        let (a, b) = (apex(A, &fa), apex(B, &fb));
+        let place = |pin| Subject { ends: [&a, &b], edge: B - A, pin: Some(pin) }.place(Vec3::ZERO, |_| true);
+        assert_eq!(place(0.0).offset, DVec3::ZERO);
+        assert_eq!(place(1.0).offset, B - A);
+    }
+}
