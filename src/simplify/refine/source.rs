@@ -90,21 +90,7 @@ impl Source {
         let (vertices, all) = (self.vertices, self.samples.len());
         let others = wanted.saturating_sub(vertices);
         let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
-        (0..vertices).chain((vertices..all).step_by(stride).take(others))
-    }
-
-    fn cross(&self, face: [u32; 3]) -> Vec3 {
-        let [a, b, c] = face.map(|p| self.points[p as usize]);
-        (b - a).cross(c - a)
-    }
-
-    /// The samples for a level: all vertices, and as many of the others as give `wanted`.
-    pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
-        let (vertices, all) = (self.vertices, self.samples.len());
-        let others = wanted.saturating_sub(vertices);
-        let stride = if others == 0 { usize::MAX } else { ((all - vertices) / others).max(1) };
-        let first = if others == 0 { all } else { vertices };
-        (0..vertices).chain((first..all).step_by(stride))
+        (0..vertices).chain((vertices..all).step_by(stride))
     }
 
     /// Positions of a face.
