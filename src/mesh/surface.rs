@@ -31,6 +31,8 @@ pub(crate) struct Surface {
     pub wedges: Wedges,
     rings: Rings,
     live: usize,
+    /// For each point the one it was joined to; itself if it was not.
+    heirs: Vec<u32>,
 }
 
 /// A shift and a scale by a power of two: exact for the source's coordinates in both directions.
@@ -167,7 +169,8 @@ impl Surface {
         }
         let wedges = Wedges::new(mesh, &welded.wedge_vertex);
         let live = faces.len();
-        let mut surface = Self { frame, points, faces, corners, wedges, rings: Rings::default(), live };
+        let heirs = (0..points.len() as u32).collect();
+        let mut surface = Self { frame, points, faces, corners, wedges, rings: Rings::default(), live, heirs };
         surface.rings.rebuild(surface.points.len(), &surface.faces);
         surface.drop_copies();
         surface
@@ -279,11 +282,30 @@ impl Surface {
         face
     }
 
+    /// Puts another point, with a wedge, into corner `k` of a face.
+    pub fn replace_corner(&mut self, face: usize, k: usize, point: u32, wedge: u32) {
+        let corner = (face as u32) << 2 | k as u32;
+        self.rings.remove(self.faces[face][k], corner);
+        self.rings.push(point, corner);
+        self.faces[face][k] = point;
+        self.corners[face][k] = wedge;
+    }
+
     /// Adds a point without faces.
     pub fn add_point(&mut self, position: DVec3) -> u32 {
         self.points.push(position);
         self.rings.spans.push(Span::default());
-        self.points.len() as u32 - 1
+        let point = self.points.len() as u32 - 1;
+        self.heirs.push(point);
+        point
+    }
+
+    /// The point that `point` has become part of.
+    pub fn heir(&self, mut point: u32) -> u32 {
+        while self.heirs[point as usize] != point {
+            point = self.heirs[point as usize];
+        }
+        point
     }
 
     /// Does what `merge` says; `kept` moves to `position`.
@@ -307,6 +329,7 @@ impl Surface {
         self.rings.replace(kept, &merge.spokes);
         self.rings.clear(gone);
         self.points[kept as usize] = position;
+        self.heirs[gone as usize] = kept;
     }
 
     /// Drops dead faces and the gaps in the rings. Face ids change, their order and all point ids stay. Gives whether there was anything to drop.

@@ -96,6 +96,18 @@ impl Merge {
     }
 }
 
+/// Turns the edge between `a` and `b`: `first`, which runs from `a` to `b`, and `second`, which runs back, share the other diagonal of their diamond
+/// then. The edge must be plain; each face keeps its id.
+pub(crate) fn flip_edge(surface: &mut Surface, first: usize, second: usize, a: u32, b: u32) {
+    let place = |face: usize, p: u32| surface.face(face).iter().position(|&q| q == p);
+    let (Some(b1), Some(a2)) = (place(first, b), place(second, a)) else { return };
+    let (p1, w1) = (surface.face(first), surface.face_wedges(first));
+    let (p2, w2) = (surface.face(second), surface.face_wedges(second));
+    let (c, d) = ((b1 + 1) % 3, (a2 + 1) % 3);
+    surface.replace_corner(first, b1, p2[d], w2[d]);
+    surface.replace_corner(second, a2, p1[c], w1[c]);
+}
+
 /// Splits the edge between `a` and `b` at `position`: every face with both becomes two. The new wedges are copies of those at `a`; the pairs
 /// (new wedge, wedge at `a`, wedge at `b`) are returned for the caller to fill, with the new point.
 pub(crate) fn split_edge(surface: &mut Surface, a: u32, b: u32, position: DVec3) -> (u32, SmallVec<[[u32; 3]; 4]>) {

@@ -153,6 +153,33 @@ impl Wedges {
         Some((&skin.joints[range.clone()], &skin.weights[range]))
     }
 
+    /// Joint influences inside a face of these wedges, as (joint, weight), strongest first; empty without a skin.
+    pub fn blend_influences(&self, corners: [u32; 3], weights: [f32; 3]) -> Vec<(u16, f32)> {
+        let mut found: Vec<(u16, f32)> = Vec::new();
+        let Some(skin) = &self.skin else { return found };
+        let n = skin.influences;
+        for (wedge, share) in corners.into_iter().zip(weights) {
+            let range = wedge as usize * n..(wedge as usize + 1) * n;
+            for (&joint, &weight) in skin.joints[range.clone()].iter().zip(&skin.weights[range]) {
+                match found.iter_mut().find(|(j, _)| *j == joint) {
+                    _ if weight * share <= 0.0 => {}
+                    Some((_, w)) => *w += weight * share,
+                    None => found.push((joint, weight * share)),
+                }
+            }
+        }
+        found.sort_by(|x, y| y.1.total_cmp(&x.1).then(x.0.cmp(&y.0)));
+        found.truncate(n);
+        let sum: f32 = found.iter().map(|(_, w)| w).sum();
+        found.iter_mut().for_each(|(_, w)| *w /= sum);
+        found
+    }
+
+    /// Whether wedges have anything but a group.
+    pub fn has_data(&self) -> bool {
+        self.stride > 0 || self.skin.is_some()
+    }
+
     /// Whether the wedge has joint influences.
     pub fn is_skinned(&self, wedge: u32) -> bool {
         self.skin

@@ -44,6 +44,9 @@ pub(crate) trait Cost: Send + Sync {
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);
 
+    /// Makes room for points that `surface` has and the cost has not met: those that a refinement made.
+    fn grow(&mut self, _surface: &Surface) {}
+
     /// Brings what is known of one point up to date with the faces around it. The queues ask for it after each collapse, for the joined point,
     /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);

@@ -157,6 +157,20 @@ impl Cost for Enhanced {
         *kept = 0.5 * (*kept + gone);
     }
 
+    fn grow(&mut self, surface: &Surface) {
+        let known = self.apexes.len();
+        for p in known..surface.points.len() {
+            // New points take the mean of their neighbours' curvature; the rest is rebuilt at each pass.
+            let neighbours = surface.neighbours(p as u32);
+            let curvatures =
+                neighbours.iter().filter_map(|&n| self.apexes.get(n as usize)).map(|apex| apex.curvature());
+            let count = curvatures.clone().count().max(1);
+            let mean = curvatures.sum::<f32>() / count as f32;
+            self.apexes.push(Apex::with_curvature(mean));
+            self.ridged.push(false);
+        }
+    }
+
     fn update(&mut self, surface: &Surface, point: u32) {
         let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);

@@ -146,13 +146,7 @@ pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, nee
     Ok(())
 }
 
-/// The square of [`face_quality`], from |2 · area|² and Σ edge².
+/// The square of 4√3 · area / Σ edge² (1 for an equilateral triangle, 0 for a degenerate one), from |2 · area|² and Σ edge².
 fn squared_quality(double_area_squared: f64, edges: f64) -> f64 {
     if edges > 0.0 { 12.0 * double_area_squared / (edges * edges) } else { 0.0 }
-}
-
-/// 4√3 · area / Σ edge²: 1 for an equilateral triangle, 0 for a degenerate one.
-pub(crate) fn face_quality([a, b, c]: [DVec3; 3]) -> f64 {
-    let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    if edges > 0.0 { 2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / edges } else { 0.0 }
 }

@@ -19,6 +19,7 @@ mod qfvp;
 mod quadric;
 mod queue;
 mod reducer;
+mod refine;
 mod split;
 #[cfg(test)]
 mod tests;

@@ -76,6 +76,23 @@ impl Reducer {
         }
     }
 
+    /// Points that may not move.
+    pub fn locked(&self) -> &[bool] {
+        &self.locked
+    }
+
+    /// Goes on from another surface, made from this one by moving, adding and joining points.
+    pub fn adopt(&mut self, surface: Surface) {
+        let points = surface.points.len();
+        self.locked.resize(points, false);
+        self.border.resize(points, false);
+        self.irregular.grow(points);
+        self.cost.grow(&surface);
+        self.surface = surface;
+        self.surface.compact();
+        recollect_edges(&self.surface, &self.irregular, &mut self.edges);
+    }
+
     /// Finds all edges as they are now, and has the cost look at them.
     pub fn refresh(&mut self) {
         if let Some(log) = &mut self.log {
