@@ -48,6 +48,9 @@ macro_rules! each_key {
         /// The order of collapses.
         schedule: Schedule,
 
+        /// Whether vertices may move, or only go.
+        placement: Placement,
+
         /// How much time a level may take to become better than what the collapses alone give.
         effort: Effort,
 
@@ -296,6 +299,17 @@ pub enum Schedule {
     Queue,
 }
 
+/// Where the vertex of a collapsed edge goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Placement {
+    /// Where the error is least: the best shape for the triangles.
+    Optimal,
+    /// To one of the edge's ends: levels share the source's vertices and add an index buffer only, which takes the least memory. Nothing is split
+    /// or refined.
+    Subset,
+}
+
 /// How much time a level may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -395,6 +409,7 @@ replaced!(
     Algorithm,
     Mode,
     Schedule,
+    Placement,
     Effort,
     EdgePolicy,
     Basis,
@@ -440,6 +455,15 @@ impl From<Schedule> for simplify::Schedule {
         match schedule {
             Schedule::Passes => Self::Passes,
             Schedule::Queue => Self::Queue,
+        }
+    }
+}
+
+impl From<Placement> for simplify::Placement {
+    fn from(placement: Placement) -> Self {
+        match placement {
+            Placement::Optimal => Self::Optimal,
+            Placement::Subset => Self::Subset,
         }
     }
 }

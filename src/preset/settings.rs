@@ -39,6 +39,7 @@ fn resolve_simplify(keys: &Keys) -> Result<simplify::Options> {
         min_triangles: required(keys.min_triangles, "min_triangles")?.get(),
         algorithm: required(keys.algorithm, "algorithm")?.in_mode(mode),
         schedule: required(keys.schedule, "schedule")?.into(),
+        placement: required(keys.placement, "placement")?.into(),
         effort: required(keys.effort, "effort")?.into(),
         curvature_weight: required(keys.curvature_weight, "curvature_weight")?.get() as f32,
         split_factor: split_factor.0.map(|factor| factor as f32),

@@ -17,7 +17,7 @@ mod reducer;
 mod split;
 
 pub use levels::simplify;
-pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
+pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Placement, Schedule, Target};
 
 use crate::mesh::Mesh;
 
@@ -33,6 +33,8 @@ pub struct Chain {
 pub struct Level {
     /// The simplified mesh: attributes and skin in the source's layout, no unused vertices.
     pub mesh: Mesh,
+    /// With [`Placement::Subset`], for each vertex of `mesh` the vertex of the source that it is, with all its attributes; else `None`.
+    pub source_vertices: Option<Vec<u32>>,
     /// Why it has the triangles it has.
     pub stop: Stop,
     /// Collapses refused since the level before, by cause.

@@ -76,7 +76,7 @@ pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target:
             turns.defer(Turn { key: (candidate.cost as f32).to_bits(), ..turn });
             continue;
         }
-        match reducer.collapse((a, b), candidate, Terms { paid: turn.paid, most: left + 1 }) {
+        match reducer.collapse((a, b), candidate, Terms { paid: turn.paid, most: left + 1, limit: f64::from(cost) * REORDER }) {
             Outcome::Done(removed) => {
                 pace.count(cost);
                 pace.take(removed);
@@ -85,6 +85,7 @@ pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target:
                 points[b as usize] = State::Moved;
             }
             Outcome::Fined(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), paid: true, ..turn }),
+            Outcome::Later(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), ..turn }),
             Outcome::Refused => {}
         }
     }

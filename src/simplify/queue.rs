@@ -83,13 +83,14 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
             continue;
         }
         let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
-        let terms = Terms { paid: entry.paid, most: left + 1 };
+        let terms = Terms { paid: entry.paid, most: left + 1, limit: entry.rank.cost() };
         match reducer.collapse((entry.a, entry.b), candidate, terms) {
             Outcome::Done(_) => {
                 touched[entry.a as usize] = true;
                 requeue(&mut queue, reducer, entry.a, entry.b);
             }
             Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry })),
+            Outcome::Later(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), ..entry })),
             Outcome::Refused => {}
         }
     }
