@@ -1,6 +1,6 @@
 //! The JSON of level meshes: what their primitives take over from the source's, and what must stay behind.
 
-use super::accessors::{EncodedLevel, PrimitiveDraft};
+use super::accessors::{EncodedLevel, PrimitiveDraft, VertexDraft};
 use crate::asset::{Geometry, PassedOver};
 use serde_json::{Map, Value, json};
 
@@ -36,7 +36,7 @@ pub(super) fn level_mesh(
             mesh.insert(member.into(), value.clone());
         }
     }
-    if let Some(extensions) = carried_extensions(source) {
+    if let Some(extensions) = carried_extensions(source, false) {
         mesh.insert("extensions".into(), extensions);
     }
     mesh.into()
@@ -59,17 +59,23 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
         let reference = |(name, accessor): &(String, usize)| (name.clone(), (first_accessor + accessor).into());
         Value::Object(attributes.iter().map(reference).collect())
     };
+    let shared = |name: &str| source.get(name).cloned();
+    let (attributes, targets) = match &draft.vertices {
+        VertexDraft::Own { attributes, targets } => {
+            let targets: Vec<Value> = targets.iter().map(|t| references(t)).collect();
+            (Some(references(attributes)), (!targets.is_empty()).then(|| targets.into()))
+        }
+        VertexDraft::Source => (shared("attributes"), shared("targets")),
+    };
     let mut primitive = Map::new();
-    primitive.insert("attributes".into(), references(&draft.attributes));
+    primitive.extend(attributes.map(|attributes| ("attributes".into(), attributes)));
     primitive.insert("indices".into(), (first_accessor + draft.indices).into());
     if let Some(material) = source.get("material") {
         primitive.insert("material".into(), material.clone());
     }
     primitive.insert("mode".into(), 4.into());
-    if !draft.targets.is_empty() {
-        primitive.insert("targets".into(), draft.targets.iter().map(|t| references(t)).collect());
-    }
-    if let Some(extensions) = carried_extensions(source) {
+    primitive.extend(targets.map(|targets| ("targets".into(), targets)));
+    if let Some(extensions) = carried_extensions(source, matches!(draft.vertices, VertexDraft::Source)) {
         primitive.insert("extensions".into(), extensions);
     }
     if let Some(extras) = source.get("extras") {
@@ -78,13 +84,16 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
     primitive.into()
 }
 
-/// The extensions of a mesh or primitive that hold for its levels too; `None` when there are none.
-fn carried_extensions(source: &Value) -> Option<Value> {
+/// The extensions of a mesh or primitive that hold for its levels too; `None` when there are none. `same_vertices`: what is said of vertices
+/// holds as well.
+fn carried_extensions(source: &Value, same_vertices: bool) -> Option<Value> {
     let extensions = source.get("extensions")?.as_object()?;
     let carried: Map<String, Value> = extensions
         .iter()
         .filter(|(name, _)| !BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str()))
-        .filter_map(|(name, payload)| Some((name.clone(), carried_payload(name, payload)?)))
+        .filter_map(|(name, payload)| {
+            Some((name.clone(), if same_vertices { payload.clone() } else { carried_payload(name, payload)? }))
+        })
         .collect();
     (!carried.is_empty()).then(|| carried.into())
 }

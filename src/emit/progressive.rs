@@ -14,10 +14,19 @@ pub(super) struct SourceSplit {
     pub finest: Vec<Range<usize>>,
 }
 
-/// Splits the first `length` bytes of buffer 0. `meshes` are those that get levels.
+/// The meshes that get levels.
+#[derive(Debug, Default)]
+pub(super) struct Levelled {
+    /// Levels with vertices of their own.
+    pub own: BTreeSet<usize>,
+    /// Levels that use the source's vertices.
+    pub sharing: BTreeSet<usize>,
+}
+
+/// Splits the first `length` bytes of buffer 0.
 ///
 /// Overlapping views stay together, and bytes that no view names stay behind the view before them.
-pub(super) fn split_source(document: &Document, meshes: &BTreeSet<usize>, length: usize) -> SourceSplit {
+pub(super) fn split_source(document: &Document, meshes: &Levelled, length: usize) -> SourceSplit {
     let finest_views = views_of_finest(document, meshes);
     let mut ranges = Vec::new();
     for (index, view) in document.array("bufferViews").iter().enumerate() {
@@ -96,7 +105,7 @@ fn names_buffer(value: &Value) -> bool {
 }
 
 /// Buffer views that nothing but triangles of `meshes` uses.
-fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<usize> {
+fn views_of_finest(document: &Document, meshes: &Levelled) -> BTreeSet<usize> {
     let (finest, shared) = accessors_by_user(document, meshes);
     let mut finest_views = BTreeSet::new();
     let mut shared_views = BTreeSet::new();
@@ -114,13 +123,15 @@ fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<us
 }
 
 /// Accessors that triangles of `meshes` use, and those that anything else uses.
-fn accessors_by_user(document: &Document, meshes: &BTreeSet<usize>) -> (BTreeSet<usize>, BTreeSet<usize>) {
+fn accessors_by_user(document: &Document, meshes: &Levelled) -> (BTreeSet<usize>, BTreeSet<usize>) {
     let (mut finest, mut shared) = (BTreeSet::new(), BTreeSet::new());
     for (number, mesh) in document.array("meshes").iter().enumerate() {
         for primitive in elements(mesh, "primitives") {
             let triangles = primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode));
-            let list = if triangles && meshes.contains(&number) { &mut finest } else { &mut shared };
-            list.extend(index_at(primitive, "/indices"));
+            let shares = meshes.sharing.contains(&number);
+            let levelled = triangles && (shares || meshes.own.contains(&number));
+            if levelled { &mut finest } else { &mut shared }.extend(index_at(primitive, "/indices"));
+            let list = if levelled && !shares { &mut finest } else { &mut shared };
             let attributes = primitive.get("attributes").into_iter().chain(elements(primitive, "targets"));
             list.extend(attributes.filter_map(Value::as_object).flat_map(|a| a.values()).filter_map(index));
         }
@@ -155,7 +166,11 @@ mod tests {
 
     /// Start and end of the shared ranges and of the finest's.
     fn split(document: &Document, meshes: &[usize], length: usize) -> [Vec<(usize, usize)>; 2] {
-        let split = split_source(document, &meshes.iter().copied().collect(), length);
+        split_among(document, &Levelled { own: meshes.iter().copied().collect(), ..Levelled::default() }, length)
+    }
+
+    fn split_among(document: &Document, meshes: &Levelled, length: usize) -> [Vec<(usize, usize)>; 2] {
+        let split = split_source(document, meshes, length);
         [split.shared, split.finest].map(|ranges| ranges.into_iter().map(|r| (r.start, r.end)).collect())
     }
 
@@ -178,6 +193,17 @@ mod tests {
         }));
         assert_eq!(split(&document, &[0], 36), [vec![(0, 4), (20, 36)], vec![(4, 20)]]);
         assert_eq!(split(&document, &[0, 1], 36), [vec![(0, 4), (20, 30)], vec![(4, 20), (30, 36)]]);
+    }
+
+    #[test]
+    fn vertices_that_levels_use_are_needed_from_the_start() {
+        let document = Document::new(json!({
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "accessors": [{"bufferView": 0}, {"bufferView": 1}],
+            "bufferViews": [{"buffer": 0, "byteLength": 12}, {"buffer": 0, "byteOffset": 12, "byteLength": 4}],
+        }));
+        let sharing = Levelled { sharing: BTreeSet::from([0]), ..Levelled::default() };
+        assert_eq!(split_among(&document, &sharing, 16), [vec![(0, 12)], vec![(12, 16)]]);
     }
 
     #[test]

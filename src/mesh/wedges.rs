@@ -119,9 +119,8 @@ impl Wedges {
     /// How far the rows of two wedges lie apart; morph displacements and identifiers do not count.
     pub fn distance_squared(&self, a: u32, b: u32) -> f32 {
         let (row_a, row_b) = (self.row(a), self.row(b));
-        let counts = |column: &&Column| {
-            matches!(column.semantic, Semantic::Normal | Semantic::TexCoord(_) | Semantic::Color(_))
-        };
+        let counts =
+            |column: &&Column| matches!(column.semantic, Semantic::Normal | Semantic::TexCoord(_) | Semantic::Color(_));
         let numbers = self.columns.iter().filter(counts).flat_map(|c| c.offset..c.offset + c.width);
         numbers.map(|i| (row_a[i] - row_b[i]) * (row_a[i] - row_b[i])).sum()
     }

@@ -9,7 +9,6 @@
 use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED, pinned};
 use super::options::{Options, Placement};
-use super::quadric::Quadric;
 use super::placement::{Apex, Facet, LANES, Subject, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
@@ -31,19 +30,9 @@ pub(crate) struct Enhanced {
     /// The faces when the pass began.
     facets: Vec<Facet>,
     metric: Metric,
+    /// Joined points go to an end.
     at_ends: bool,
-    memory: Vec<Quadric>,
-    volume: Vec<f64>,
 }
-
-fn env(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
-pub struct Tune { mem: i32, vol: f64, plane: f64, norm: f64 }
-static TUNE: std::sync::LazyLock<Tune> = std::sync::LazyLock::new(|| Tune {
-    mem: env("GL_MEM", 0.0) as i32, vol: env("GL_VOL", 0.0), plane: env("GL_MIX", 1.0), norm: env("GL_NORM", 0.0),
-});
-
 
 impl Enhanced {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
@@ -57,8 +46,6 @@ impl Enhanced {
             facets: Vec::new(),
             metric: Metric::new(surface, &options.attribute_weights),
             at_ends: options.placement == Placement::Subset,
-            memory: if options.placement == Placement::Subset { remember(surface, edges, &Constraints::new(options)) } else { Vec::new() },
-            volume: vec![0.0; surface.points.len()],
         }
     }
 
@@ -67,23 +54,7 @@ impl Enhanced {
         let subject = self.subject(surface, [a, b], None);
         let end = |stays: u32, goes: u32| {
             let position = surface.points[stays as usize];
-            let t = &*TUNE;
-            let memoryless = subject.error_of_end(stays == b);
-            let (s, g) = (stays as usize, goes as usize);
-            let mut error = match t.mem {
-                0 => memoryless,
-                1 => self.memory[g].at(position),
-                2 => self.memory[g].at(position) + self.memory[s].at(position),
-                3 => memoryless + t.plane * self.memory[g].at(position),
-                _ => memoryless + t.plane * (self.memory[g].at(position) + self.memory[s].at(position)),
-            };
-            if t.vol > 0.0 {
-                error += t.vol * self.volume_error(surface, stays, goes);
-            }
-            if t.norm > 0.0 {
-                error /= f64::from(self.apexes[g].weight() + self.apexes[s].weight()).powf(t.norm);
-            }
-            error += subject.least_error();
+            let mut error = subject.error_of_end(stays == b);
             if !self.metric.is_empty() {
                 error += self.metric.deviation_of_end(surface, stays, goes);
             }
@@ -95,14 +66,6 @@ impl Enhanced {
             Some(_) => end(b, a),
             None => [end(a, b), end(b, a)].into_iter().flatten().min_by(|x, y| x.cost.total_cmp(&y.cost)),
         }
-    }
-
-    fn volume_error(&self, surface: &Surface, stays: u32, goes: u32) -> f64 {
-        let e = surface.points[stays as usize] - surface.points[goes as usize];
-        let (s, g) = (stays as usize, goes as usize);
-        let delta = self.apexes[g].normal().as_dvec3().dot(e) / 3.0;
-        let all = self.volume[s] + self.volume[g] + delta;
-        9.0 * all * all / f64::from(self.apexes[s].weight() + self.apexes[g].weight()).max(1e-30)
     }
 
     /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`.
@@ -144,8 +107,8 @@ impl Enhanced {
             candidate.map_or(UNRANKED, |c| c.cost as f32)
         };
         for (edge, cost) in edges.iter().zip(costs) {
-            let exact = self.at_ends && (!self.metric.is_empty() || TUNE.mem > 0 || TUNE.vol > 0.0 || TUNE.norm > 0.0);
-            if exact || !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
+            let ends_differ = self.at_ends && !self.metric.is_empty();
+            if ends_differ || !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
                 *cost = judge(edge);
             } else if !self.metric.is_empty() {
                 let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
@@ -211,12 +174,6 @@ impl Cost for Enhanced {
 
     fn merged(&mut self, kept: u32, gone: u32) {
         self.ridged[kept as usize] |= self.ridged[gone as usize];
-        if self.at_ends {
-            let q = self.memory[gone as usize];
-            self.memory[kept as usize].add(&q);
-            // ΔV: which end moved is known from the stale apexes
-            self.volume[kept as usize] += self.volume[gone as usize];
-        }
         let gone = self.apexes[gone as usize].curvature;
         let kept = &mut self.apexes[kept as usize].curvature;
         *kept = 0.5 * (*kept + gone);
@@ -235,27 +192,4 @@ impl Cost for Enhanced {
             }
         }
     }
-}
-
-fn remember(surface: &Surface, edges: &[Edge], constraints: &Constraints) -> Vec<Quadric> {
-    let mut memory = vec![Quadric::default(); surface.points.len()];
-    for f in surface.live_faces() {
-        let triangle = surface.triangle(f);
-        let (normal, area) = crate::curvature::normal_and_area(triangle);
-        let plane = Quadric::plane(normal, triangle[0], area);
-        surface.face(f).iter().for_each(|&p| memory[p as usize].add(&plane));
-    }
-    for edge in edges {
-        let weight = constraints.weight(edge.kind);
-        if weight == 0.0 { continue; }
-        let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
-        let planes = upright_planes(surface, edge);
-        let each = weight * a.distance_squared(b) / planes.len().max(1) as f64;
-        for normal in planes {
-            let plane = Quadric::plane(normal, a, each);
-            memory[edge.a as usize].add(&plane);
-            memory[edge.b as usize].add(&plane);
-        }
-    }
-    memory
 }

@@ -82,12 +82,8 @@ impl Apex {
         add_product(&mut self.spread, (normal * weight).as_vec3(), normal.as_vec3());
     }
 
-    pub fn weight(&self) -> f32 {
-        self.weight
-    }
-
     /// Sum of the area vectors.
-    pub fn normal(&self) -> Vec3 {
+    fn normal(&self) -> Vec3 {
         Vec3::from(self.mean) * self.weight
     }
 
@@ -160,11 +156,6 @@ impl Subject<'_> {
             None => self.minimum(shared, fits).unwrap_or_else(|| self.edge * self.best_share()),
         };
         Place { offset, error: f64::from(self.error(offset.as_vec3())) }
-    }
-
-    pub fn least_error(&self) -> f64 {
-        let [a, b] = self.ends;
-        f64::from(LENGTH_COST * (a.weight + b.weight)) * self.edge.length_squared()
     }
 
     /// What it costs that the second end, or the first if `backwards`, goes to the other one, which stays: area · distance².

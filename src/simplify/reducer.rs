@@ -51,7 +51,11 @@ impl Reducer {
         };
         let to_ends = options.placement == Placement::Subset;
         // The enhanced cost knows about ends itself.
-        let cost = if to_ends && options.algorithm != Algorithm::Esqem(Mode::Enhanced) { Box::new(AtEnds(cost)) } else { cost };
+        let cost = if to_ends && options.algorithm != Algorithm::Esqem(Mode::Enhanced) {
+            Box::new(AtEnds(cost))
+        } else {
+            cost
+        };
         let points = surface.points.len();
         Self {
             cost,
@@ -68,6 +72,11 @@ impl Reducer {
             marks: Marks::default(),
             to_ends,
         }
+    }
+
+    /// Whether joined points go to an end of their edge.
+    pub fn goes_to_ends(&self) -> bool {
+        self.to_ends
     }
 
     /// Finds all edges as they are now, and has the cost look at them.
