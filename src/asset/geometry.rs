@@ -177,8 +177,8 @@ impl Shape {
     }
 }
 
-/// The triangle primitives of `meshes[index]`.
-pub(super) fn read(asset: &Asset, index: usize, limits: &Limits) -> Result<Geometry> {
+/// The triangle primitives of `meshes[index]`; `balance` puts their weights right.
+pub(super) fn read(asset: &Asset, index: usize, balance: bool, limits: &Limits) -> Result<Geometry> {
     let root = asset.document.root();
     let Some(mesh) = Cursor::top(root, "meshes", index) else {
         return Err(Error::new(Kind::Internal, format!("there is no meshes[{index}]")));
@@ -193,7 +193,7 @@ pub(super) fn read(asset: &Asset, index: usize, limits: &Limits) -> Result<Geome
     }
     let skinned = parts.iter().flat_map(|part| &part.attributes).any(|source| source.name.starts_with("JOINTS_"));
     let joints = if skinned { find_joints(&asset.document, index) } else { None };
-    let mut geometry = merge(&parts, passed_over, joints, limits)?;
+    let mut geometry = merge(&parts, passed_over, joints, balance, limits)?;
     geometry.warnings = geometry.warnings.into_iter().map(|warning| warning.in_file(&asset.path)).collect();
     Ok(geometry)
 }

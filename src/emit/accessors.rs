@@ -45,26 +45,29 @@ pub(super) struct PrimitiveDraft {
     /// `meshes[m].primitives[source]` is the primitive it is a level of.
     pub source: usize,
     pub indices: usize,
-    pub vertices: VertexDraft,
-}
-
-/// Where a primitive's vertices are: names and accessors.
-#[derive(Debug)]
-pub(super) enum VertexDraft {
-    /// In accessors of its own.
-    Own { attributes: Vec<(String, usize)>, targets: Vec<Vec<(String, usize)>> },
-    /// In those of the primitive it is a level of.
-    Source,
+    /// Attributes and morph targets are those of the primitive it is a level of; those below are empty.
+    pub shares_vertices: bool,
+    pub attributes: Vec<(String, usize)>,
+    pub targets: Vec<Vec<(String, usize)>>,
 }
 
 /// Encodes a level. It is rounded to storage already; triangles are put in vertex-cache order, vertices in order of
 /// first use, unused ones are left out, and so are groups without triangles.
 pub(super) fn encode_level(level: &Mesh, geometry: &Geometry) -> EncodedLevel {
+    encode_groups(level, geometry, Group::ordered_for_gpu)
+}
+
+/// As [`encode_level`], but triangles keep their order, and vertices that of their first use.
+pub(super) fn encode_in_order(level: &Mesh, geometry: &Geometry) -> EncodedLevel {
+    encode_groups(level, geometry, |group| group)
+}
+
+fn encode_groups(level: &Mesh, geometry: &Geometry, order: impl Fn(Group) -> Group) -> EncodedLevel {
     let mut encoder = Encoder::default();
     let mut primitives = Vec::new();
     for (primitive, group) in geometry.primitives.iter().zip(split_groups(level, geometry.primitives.len())) {
         if !group.triangles.is_empty() {
-            primitives.push(encoder.encode_primitive(level, geometry, primitive, &group.ordered_for_gpu()));
+            primitives.push(encoder.encode_primitive(level, geometry, primitive, &order(group)));
         }
     }
     encoder.finish(primitives)
@@ -83,7 +86,14 @@ pub(super) fn encode_indices_only(level: &Mesh, vertices: &[u32], geometry: &Geo
         let triangles: Vec<[u32; 3]> = group.triangles.iter().map(|t| t.map(element)).collect();
         let last = triangles.as_flattened().iter().max().map_or(0, |&last| last as usize);
         let indices = encoder.encode_indices(&triangles, last + 1);
-        primitives.push(PrimitiveDraft { source: primitive.primitive, indices, vertices: VertexDraft::Source });
+        let (attributes, targets) = Default::default();
+        primitives.push(PrimitiveDraft {
+            source: primitive.primitive,
+            indices,
+            shares_vertices: true,
+            attributes,
+            targets,
+        });
         bytes_saved += group.vertices.len() * bytes_of_vertex(geometry, primitive);
     }
     EncodedLevel { bytes_saved, ..encoder.finish(primitives) }
@@ -178,7 +188,7 @@ impl Encoder {
         let attributes = encode(None, &primitive.attributes);
         let targets = primitive.targets.iter().enumerate().map(|(t, layouts)| encode(Some(t), layouts)).collect();
         let indices = self.encode_indices(&group.triangles, group.vertices.len());
-        PrimitiveDraft { source: primitive.primitive, indices, vertices: VertexDraft::Own { attributes, targets } }
+        PrimitiveDraft { source: primitive.primitive, indices, shares_vertices: false, attributes, targets }
     }
 
     fn encode_attribute(
@@ -266,7 +276,7 @@ impl Encoder {
 impl EncodedLevel {
     /// Whether some of its vertices are the source's.
     pub fn shares_vertices(&self) -> bool {
-        self.primitives.iter().any(|primitive| matches!(primitive.vertices, VertexDraft::Source))
+        self.primitives.iter().any(|primitive| primitive.shares_vertices)
     }
 
     fn push_view(&mut self, bytes: &[u8], stride: Option<usize>, target: u32) {

@@ -1,18 +1,25 @@
 //! MSFT_lod out: appends levels to a document, lays out buffers, writes files atomically.
 
 mod accessors;
+mod bundle;
 mod channels;
 mod layout;
 mod lod_extension;
 mod names;
 mod primitives;
 mod progressive;
+mod progressive_mesh;
+mod replace;
+mod rows;
 mod storage;
 #[cfg(test)]
 mod tests;
 pub mod verify;
 mod write;
 
+pub(crate) use progressive_mesh::{
+    ProgressiveMesh, Refining, encode_progressive, find_obstacle, write_progressive, write_rebuilt,
+};
 pub use storage::round_to_storage;
 pub use write::write;
 
@@ -114,6 +121,11 @@ pub enum Content {
     Bytes(Vec<u8>),
     /// The bytes of this file.
     CopyOf(PathBuf),
+}
+
+/// Bytes of a mesh that is stored as `geometry` says.
+pub(crate) fn count_bytes(mesh: &Mesh, geometry: &Geometry) -> usize {
+    encode_level(mesh, geometry).bytes.len()
 }
 
 /// Appends `lods` to the asset's document and lays out the files.

@@ -1,7 +1,7 @@
 //! The JSON of level meshes: what their primitives take over from the source's, and what must stay behind.
 
-use super::accessors::{EncodedLevel, PrimitiveDraft, VertexDraft};
-use crate::asset::{Geometry, PassedOver};
+use super::accessors::{EncodedLevel, PrimitiveDraft};
+use crate::asset::{Geometry, PROGRESSIVE, PassedOver};
 use serde_json::{Map, Value, json};
 
 /// Extensions that promise something about the vertices, the triangle order or the closedness of the primitive they
@@ -13,6 +13,7 @@ const BOUND_TO_SOURCE_TRIANGLES: &[&str] = &[
     "EXT_mesh_primitive_restart",
     "EXT_meshopt_compression",
     "FB_ngon_encoding",
+    PROGRESSIVE,
     "KHR_draco_mesh_compression",
     "KHR_meshopt_compression",
     "NV_displacement_micromap",
@@ -59,23 +60,19 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
         let reference = |(name, accessor): &(String, usize)| (name.clone(), (first_accessor + accessor).into());
         Value::Object(attributes.iter().map(reference).collect())
     };
-    let shared = |name: &str| source.get(name).cloned();
-    let (attributes, targets) = match &draft.vertices {
-        VertexDraft::Own { attributes, targets } => {
-            let targets: Vec<Value> = targets.iter().map(|t| references(t)).collect();
-            (Some(references(attributes)), (!targets.is_empty()).then(|| targets.into()))
-        }
-        VertexDraft::Source => (shared("attributes"), shared("targets")),
-    };
     let mut primitive = Map::new();
-    primitive.extend(attributes.map(|attributes| ("attributes".into(), attributes)));
+    let shared = |name: &str| source.get(name).filter(|_| draft.shares_vertices).cloned();
+    primitive.insert("attributes".into(), shared("attributes").unwrap_or_else(|| references(&draft.attributes)));
     primitive.insert("indices".into(), (first_accessor + draft.indices).into());
     if let Some(material) = source.get("material") {
         primitive.insert("material".into(), material.clone());
     }
     primitive.insert("mode".into(), 4.into());
-    primitive.extend(targets.map(|targets| ("targets".into(), targets)));
-    if let Some(extensions) = carried_extensions(source, matches!(draft.vertices, VertexDraft::Source)) {
+    let own_targets = || draft.targets.iter().map(|t| references(t)).collect();
+    if let Some(targets) = shared("targets").or((!draft.targets.is_empty()).then(own_targets)) {
+        primitive.insert("targets".into(), targets);
+    }
+    if let Some(extensions) = carried_extensions(source, draft.shares_vertices) {
         primitive.insert("extensions".into(), extensions);
     }
     if let Some(extras) = source.get("extras") {
@@ -143,4 +140,14 @@ pub(super) fn level_accessors(level: &EncodedLevel, first_view: usize) -> Vec<Va
         json.into()
     };
     level.accessors.iter().map(one).collect()
+}
+
+/// An extension of a mesh or primitive that says something of exactly its vertices or triangles.
+pub(super) fn find_bound_extension(object: &Value) -> Option<&str> {
+    let extensions = object.get("extensions")?.as_object()?;
+    let is_bound = |(name, payload): &(&String, &Value)| {
+        BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str())
+            || *name == "EXT_mesh_features" && carried_payload(name, payload).is_none()
+    };
+    extensions.iter().find(is_bound).map(|(name, _)| name.as_str())
 }

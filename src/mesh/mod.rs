@@ -73,6 +73,12 @@ pub struct Skin {
     pub weights: Vec<f32>,
 }
 
+/// The wedge of each vertex (`u32::MAX` for unused ones), and the first vertex of each wedge: as a surface numbers them.
+pub(crate) fn source_wedges(mesh: &Mesh) -> (Vec<u32>, Vec<u32>) {
+    let welded = weld::weld(mesh);
+    (welded.wedge_of, welded.wedge_vertex)
+}
+
 impl Mesh {
     /// The group of triangle `t`.
     pub fn group(&self, t: usize) -> u32 {

@@ -334,10 +334,12 @@ impl Surface {
     fn drop_copies(&mut self) {
         let turned = |w: &[u32; 3], k: usize| [w[k], w[(k + 1) % 3], w[(k + 2) % 3]];
         for f in 0..self.faces.len() {
-            let wedges = self.corners[f];
-            let is_copy = self.ring(self.faces[f][0]).iter().any(|&c| {
+            let (points, wedges) = (self.faces[f], self.corners[f]);
+            let is_copy = self.ring(points[0]).iter().any(|&c| {
                 let other = Self::face_of(c);
-                other < f && turned(&self.corners[other], (c & 3) as usize) == wedges
+                other < f
+                    && self.opposite(c)[0] == points[1]
+                    && turned(&self.corners[other], (c & 3) as usize) == wedges
             });
             if is_copy {
                 self.remove_face(f);

@@ -163,6 +163,13 @@ impl Wedges {
         out.iter_mut().for_each(|(_, w)| *w /= sum);
     }
 
+    /// Joints and weights of a wedge, if the mesh is skinned.
+    pub fn influences(&self, wedge: u32) -> Option<(&[u16], &[f32])> {
+        let skin = self.skin.as_ref()?;
+        let range = wedge as usize * skin.influences..(wedge as usize + 1) * skin.influences;
+        Some((&skin.joints[range.clone()], &skin.weights[range]))
+    }
+
     /// Whether the wedge has joint influences.
     pub fn is_skinned(&self, wedge: u32) -> bool {
         self.skin
@@ -210,7 +217,7 @@ fn pick_skin(skin: &Skin, rows: &[u32]) -> Skin {
 }
 
 /// Unit normals; tangents orthogonal to them, of unit length, with a handedness of ±1. Zero vectors stay.
-fn normalize_directions(attributes: &mut [Attribute]) {
+pub(crate) fn normalize_directions(attributes: &mut [Attribute]) {
     let mut normals = Vec::new();
     for a in attributes.iter_mut().filter(|a| a.semantic == Semantic::Normal && a.width == 3) {
         for n in a.values.chunks_exact_mut(3) {

@@ -42,10 +42,28 @@ pub(crate) trait Cost: Send + Sync {
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
-    fn merged(&mut self, kept: u32, gone: u32);
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);
 
-    /// Brings what is known of one point up to date with the faces around it.
+    /// Brings what is known of one point up to date with the faces around it. The queues ask for it after each collapse, for the joined point,
+    /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);
+
+    /// After [`Self::update`] of a joined point and all around it: brings what depends on several of them up to date.
+    fn settle(&mut self, _surface: &Surface, _point: u32) {}
+
+    /// Whose edges cost something else after a collapse.
+    fn reach(&self) -> Reach {
+        Reach::Neighbours
+    }
+}
+
+/// How far a collapse changes costs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reach {
+    /// The edges at the joined point: what its neighbours know stays as it is.
+    Point,
+    /// The edges at its neighbours too: they know the shape around them.
+    Neighbours,
 }
 
 /// A cost of which collapses to an end are taken only.
@@ -72,12 +90,20 @@ impl Cost for AtEnds {
         self.0.weigh(area, distance_squared)
     }
 
-    fn merged(&mut self, kept: u32, gone: u32) {
-        self.0.merged(kept, gone);
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        self.0.merged(surface, kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
         self.0.update(surface, point);
+    }
+
+    fn settle(&mut self, surface: &Surface, point: u32) {
+        self.0.settle(surface, point);
+    }
+
+    fn reach(&self) -> Reach {
+        self.0.reach()
     }
 }
 

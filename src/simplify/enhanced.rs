@@ -27,7 +27,7 @@ pub(crate) struct Enhanced {
     apexes: Vec<Apex>,
     /// Points at edges that have planes of their own.
     ridged: Vec<bool>,
-    /// The faces when the pass began.
+    /// Of each face.
     facets: Vec<Facet>,
     metric: Metric,
     /// Joined points go to an end.
@@ -94,9 +94,9 @@ impl Enhanced {
             let apex = |p: u32| &self.apexes[p as usize];
             estimate(edges.each_ref().map(|e| apex(e.a)), edges.each_ref().map(|e| apex(e.b)), weight, self.at_ends)
         };
-        let (eights, rest) = edges.as_chunks();
-        let (costs_of_eights, costs_of_rest) = costs.as_chunks_mut();
-        eights.iter().zip(costs_of_eights).for_each(|(edges, costs)| *costs = estimate(edges));
+        let (fours, rest) = edges.as_chunks();
+        let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
+        fours.iter().zip(costs_of_fours).for_each(|(edges, costs)| *costs = estimate(edges));
         if let Some(&last) = rest.last() {
             let filled = std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last));
             costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
@@ -151,7 +151,7 @@ impl Cost for Enhanced {
         }
         let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
         let shared = surface.ring(a).iter().filter(at_both);
-        let shared = shared.map(|&c| Facet::of(surface.triangle(Surface::face_of(c))).area_vector()).sum();
+        let shared = shared.map(|&c| self.facets[Surface::face_of(c)].area_vector()).sum();
         let start = surface.points[a as usize];
         let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
         let place = subject.place(shared, |offset| self.room.contains(start + offset));
@@ -172,15 +172,19 @@ impl Cost for Enhanced {
         area * distance_squared
     }
 
-    fn merged(&mut self, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        for &corner in surface.ring(kept) {
+            let face = Surface::face_of(corner);
+            self.facets[face] = Facet::of(surface.triangle(face));
+        }
         self.ridged[kept as usize] |= self.ridged[gone as usize];
-        let gone = self.apexes[gone as usize].curvature;
-        let kept = &mut self.apexes[kept as usize].curvature;
+        let gone = self.apexes[gone as usize].curvature();
+        let kept = self.apexes[kept as usize].curvature_mut();
         *kept = 0.5 * (*kept + gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        let faces = surface.ring(point).iter().map(|&c| Facet::of(surface.triangle(Surface::face_of(c))));
+        let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
         self.metric.update(surface, point);
         if !self.ridged[point as usize] {

@@ -10,7 +10,7 @@ use glam::DVec3;
 /// Cosine of the largest angle by which a collapse may turn a face.
 const FLIP_COSINE: f64 = 0.2;
 /// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle.
-const NEEDLE_QUALITY: f64 = 0.06;
+const NEEDLE_QUALITY: f64 = 0.16;
 
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

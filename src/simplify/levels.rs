@@ -4,7 +4,7 @@ use super::deviation::Deviation;
 use super::options::{Algorithm, Effort, Mode, Options, Placement, Schedule, Target};
 use super::reducer::Reducer;
 use super::split::{faces_added, long_edges, split_at_midpoints, split_at_source};
-use super::{Chain, Level, Refusals, Stop, passes, queue};
+use super::{Chain, Level, Refusals, Stop, passes, queue, vertices};
 use crate::error::Result;
 use crate::mesh::Mesh;
 
@@ -69,7 +69,7 @@ impl Builder<'_> {
     fn next_level(&mut self, target: &Target) -> Level {
         self.reducer.refusals = Refusals::default();
         let least = self.options.min_triangles.clamp(1, self.mesh.triangles.len().max(1));
-        let wanted = self.triangle_target(target, least);
+        let wanted = target.count(self.mesh.triangles.len(), least);
         let (snapshot, mut stop) = match target.error {
             Some(error) => self.reduce_within(error, wanted.max(least)),
             None => self.reduce_with_splits(wanted.max(least)),
@@ -99,20 +99,13 @@ impl Builder<'_> {
             match self.options.schedule {
                 Schedule::Passes => passes::run_pass(&mut self.reducer, &mut self.workspace, triangles),
                 Schedule::Queue => queue::drain(&mut self.reducer, triangles),
+                Schedule::Vertices => vertices::drain(&mut self.reducer, triangles),
             }
             if self.reducer.surface.face_count() == before {
                 return Stop::Stuck;
             }
         }
         Stop::Target
-    }
-
-    /// The count that the counting rules ask for: the first that binds on the way down is the largest. With an error rule alone, the least allowed.
-    fn triangle_target(&self, target: &Target, least: usize) -> usize {
-        let source = self.mesh.triangles.len();
-        let ratio = target.ratio.map(|r| (source as f64 * r).round() as usize);
-        let without_count = if target.error.is_some() { least } else { source };
-        [ratio, target.triangles].into_iter().flatten().max().unwrap_or(without_count)
     }
 
     /// Goes down in steps for as long as the measured distance stays below `error`. The step too far stays done: the next level is below it.

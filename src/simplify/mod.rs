@@ -1,23 +1,35 @@
 //! The simplifier: one run from fine to coarse, a snapshot at each target.
 
+mod appearance;
 mod constraints;
 mod cost;
 mod deviation;
 mod enhanced;
+mod fms;
 mod guard;
 mod levels;
+mod melax;
+mod normals;
 mod options;
 mod paper;
 mod passes;
 mod placement;
 mod prune;
+mod qfvp;
 mod quadric;
 mod queue;
 mod reducer;
 mod split;
+#[cfg(test)]
+mod tests;
+mod vertices;
 
 pub use levels::simplify;
-pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Placement, Schedule, Target};
+pub use options::{
+    Algorithm, AttributeWeights, EdgePolicy, Effort, FeatureWeight, Mode, NormalUpdate, Options, Placement, Schedule,
+    Target,
+};
+pub(crate) use queue::record;
 
 use crate::mesh::Mesh;
 

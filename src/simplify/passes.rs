@@ -11,7 +11,7 @@ use std::collections::BinaryHeap;
 use std::mem::take;
 
 /// Share of all faces that a pass may take at least: small steps do not pay for the ranking of all edges.
-const LEAST_SHARE: f64 = 0.2;
+const LEAST_SHARE: f64 = 0.3;
 
 /// How far a pass may stray from the strict order of costs.
 #[derive(Debug, Clone, Copy)]

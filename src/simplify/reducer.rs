@@ -4,16 +4,20 @@ use super::Refusals;
 use super::constraints::Constraints;
 use super::cost::{AtEnds, Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
+use super::fms::Fms;
 use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
+use super::melax::Melax;
 use super::options::{Algorithm, Mode, Options, Placement};
 use super::paper::Paper;
 use super::prune::{Piece, are_there_pieces, pieces};
+use super::qfvp::Qfvp;
 use crate::attributes::Solution;
 use crate::curvature::border_points;
 use crate::mesh::Mesh;
-use crate::mesh::edges::{Edge, Irregular, collect_edges, recollect_edges};
+use crate::mesh::edges::{Edge, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
+use crate::progressive::Log;
 use std::mem::take;
 
 /// A surface on its way from fine to coarse.
@@ -21,6 +25,8 @@ pub(crate) struct Reducer {
     pub surface: Surface,
     pub cost: Box<dyn Cost>,
     pub refusals: Refusals,
+    /// Watches what the strict schedule takes away, if somebody wants it back.
+    pub log: Option<Log>,
     /// The edges, as of the last refresh.
     pub edges: Vec<Edge>,
     /// Whether whole pieces may go: there are several.
@@ -42,12 +48,17 @@ impl Reducer {
     /// Starts from a valid mesh.
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
         let surface = Surface::new(mesh);
-        let edges = collect_edges(&surface);
+        let irregular = Irregular::find(&surface);
+        let mut edges = Vec::new();
+        recollect_edges(&surface, &irregular, &mut edges);
         let constraints = Constraints::new(options);
         let cost: Box<dyn Cost> = match options.algorithm {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
             Algorithm::Esqem(Mode::Paper) => Box::new(Paper::esqem(&surface, &edges, options)),
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
+            Algorithm::Qfvp => Box::new(Qfvp::new(&surface, &edges, options)),
+            Algorithm::Fms => Box::new(Fms::new(&surface, &edges, options)),
+            Algorithm::Melax => Box::new(Melax::new(&surface, &edges, options)),
         };
         let to_ends = options.placement == Placement::Subset;
         // The enhanced cost knows about ends itself.
@@ -60,10 +71,11 @@ impl Reducer {
         Self {
             cost,
             refusals: Refusals::default(),
+            log: None,
             constraints,
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
-            irregular: Irregular::of(&surface, &edges),
+            irregular,
             has_pieces: are_there_pieces(&surface),
             edges,
             surface,
@@ -81,6 +93,9 @@ impl Reducer {
 
     /// Finds all edges as they are now, and has the cost look at them.
     pub fn refresh(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.renumber(&self.surface);
+        }
         if self.surface.compact() {
             recollect_edges(&self.surface, &self.irregular, &mut self.edges);
         }
@@ -172,14 +187,18 @@ impl Reducer {
             let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
             self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
+        let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
         merge.apply(&mut self.surface, candidate.position);
         if solves {
             self.solution.write(&mut self.surface.wedges);
         }
+        if let (Some(log), Some(entry)) = (&mut self.log, entry) {
+            log.finish(entry, &self.surface);
+        }
         self.locked[a as usize] |= self.locked[b as usize];
         self.border[a as usize] |= self.border[b as usize];
         self.irregular.follow(&self.surface, a, b, terms.paid);
-        self.cost.merged(a, b);
+        self.cost.merged(&self.surface, a, b);
         Outcome::Done(merge.faces.len())
     }
 
