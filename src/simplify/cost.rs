@@ -69,6 +69,47 @@ pub(crate) enum Reach {
     Neighbours,
 }
 
+/// A cost of which collapses to an end are taken only.
+pub(crate) struct AtEnds(pub Box<dyn Cost>);
+
+impl Cost for AtEnds {
+    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
+        self.0.refresh(surface, edges);
+    }
+
+    fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        let end = |p: u32| self.0.judge(surface, a, b, Some(surface.points[p as usize]));
+        match fixed {
+            Some(_) => self.0.judge(surface, a, b, fixed),
+            None => [end(a), end(b)].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)),
+        }
+    }
+
+    fn metric(&self) -> &Metric {
+        self.0.metric()
+    }
+
+    fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
+        self.0.weigh(area, distance_squared)
+    }
+
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        self.0.merged(surface, kept, gone);
+    }
+
+    fn update(&mut self, surface: &Surface, point: u32) {
+        self.0.update(surface, point);
+    }
+
+    fn settle(&mut self, surface: &Surface, point: u32) {
+        self.0.settle(surface, point);
+    }
+
+    fn reach(&self) -> Reach {
+        self.0.reach()
+    }
+}
+
 /// Where the joined point of an edge has to go, if an end is locked; `None` if both are.
 pub(crate) fn pinned(surface: &Surface, locked: &[bool], a: u32, b: u32) -> Option<Option<DVec3>> {
     match (locked[a as usize], locked[b as usize]) {

@@ -21,6 +21,8 @@ pub(crate) enum Cause {
     Needle,
     Border,
     Seam,
+    /// A wedge has none of its group to become.
+    Unpaired,
 }
 
 impl Refusals {
@@ -30,7 +32,7 @@ impl Refusals {
             Cause::Flip => &mut self.flip,
             Cause::Needle => &mut self.needle,
             Cause::Border => &mut self.border,
-            Cause::Seam => &mut self.seam,
+            Cause::Seam | Cause::Unpaired => &mut self.seam,
         } += 1;
     }
 }
@@ -44,7 +46,7 @@ impl Cause {
             Self::Link => Some(8.0),
             Self::Seam => Some(16.0),
             Self::Border => Some(32.0),
-            Self::Flip | Self::Vanish => None,
+            Self::Flip | Self::Vanish | Self::Unpaired => None,
         }
     }
 
