@@ -7,7 +7,7 @@ use super::enhanced::Enhanced;
 use super::fms::Fms;
 use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
 use super::melax::Melax;
-use super::options::{Algorithm, Mode, Options, Placement};
+use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use super::paper::Paper;
 use super::prune::{Piece, are_there_pieces, pieces};
 use super::qfvp::Qfvp;
@@ -40,6 +40,8 @@ pub(crate) struct Reducer {
     /// The collapse in work, and marks for its checks: kept for their memory.
     merge: Merge,
     marks: Marks,
+    /// Quality below which a face is a needle.
+    needle: f64,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
 }
@@ -82,6 +84,7 @@ impl Reducer {
             solution: Solution::default(),
             merge: Merge::default(),
             marks: Marks::default(),
+            needle: needle_quality(options),
             to_ends,
         }
     }
@@ -221,7 +224,7 @@ impl Reducer {
 
     fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
         check_remains(merge)?;
-        check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
+        check_shape(&self.surface, merge, candidate.position, if terms.paid { 0.0 } else { self.needle })?;
         if !terms.paid {
             check_topology(&self.surface, merge, &self.border, &mut self.marks)?;
             if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
@@ -233,6 +236,17 @@ impl Reducer {
             return Err(if terms.paid { Cause::Unpaired } else { Cause::Seam });
         }
         Ok(())
+    }
+}
+
+/// Quality below which a face is a needle. Refinement brings back what stricter collapses cost in distance; the papers know no needles, and only
+/// the worst are kept from them.
+fn needle_quality(options: &Options) -> f64 {
+    match (options.algorithm, options.effort) {
+        (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
+        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.3,
+        (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
+        _ => 0.06,
     }
 }
 
