@@ -268,7 +268,7 @@ impl Cost for Tiny {
         1e-60
     }
 
-    fn merged(&mut self, _kept: u32, _gone: u32) {}
+    fn merged(&mut self, _surface: &Surface, _kept: u32, _gone: u32) {}
 
     fn update(&mut self, _surface: &Surface, _point: u32) {}
 }
