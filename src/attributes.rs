@@ -217,6 +217,30 @@ impl Metric {
         f64::from(sum.max(0.0))
     }
 
+    /// What it costs in attributes that the point `goes` becomes `stays`, which keeps its values: area · length².
+    pub fn deviation_of_end(&self, surface: &Surface, stays: u32, goes: u32) -> f64 {
+        let off = (surface.points[stays as usize] - surface.points[goes as usize]).as_vec3();
+        let edge = off.length_squared();
+        let step = |kept: u32, gone: u32| {
+            let known = self.state(gone);
+            let (rk, rg) = (surface.wedges.row(kept), surface.wedges.row(gone));
+            let differences = self.terms.iter().enumerate().map(|(k, term)| {
+                let difference = rg[term.index] + known.gradient(k).dot(off) - rk[term.index];
+                term.weight_for(edge) * difference * difference
+            });
+            known.area() * differences.sum::<f32>()
+        };
+        let spread = |wedge: u32| self.state(wedge).spread(off, edge);
+        let [kept, gone] = [stays, goes].map(|p| self.only[p as usize]);
+        let sum = if kept != SEVERAL && gone != SEVERAL {
+            spread(gone) + step(kept, gone)
+        } else {
+            let spreads: f32 = distinct_wedges(surface, goes).into_iter().map(spread).sum();
+            spreads + Merge::new(surface, stays, goes).pairs.iter().map(|&(k, g)| step(k, g)).sum::<f32>()
+        };
+        f64::from(sum.max(0.0))
+    }
+
     /// How far the values that two wedges would have at one position lie apart.
     fn gap(&self, surface: &Surface, [wa, wb]: [u32; 2], y: Vec3, z: Vec3, edge: f32) -> f32 {
         let (known_a, known_b) = (self.state(wa), self.state(wb));

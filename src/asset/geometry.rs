@@ -42,10 +42,23 @@ pub struct PrimitiveLayout {
     pub primitive: usize,
     /// Its vertices in the plain mesh: those elements of its accessors that its triangles use.
     pub vertices: std::ops::Range<u32>,
+    /// The element of its accessors that each of those vertices is, ascending; `None` if they are all elements in order.
+    pub elements: Option<Vec<u32>>,
     /// Its attributes, in the document's order, `POSITION` among them.
     pub attributes: Vec<AttributeLayout>,
     /// Its morph targets' attributes.
     pub targets: Vec<Vec<AttributeLayout>>,
+}
+
+impl PrimitiveLayout {
+    /// The element of its accessors that a vertex of the plain mesh, one of [`Self::vertices`], is.
+    pub fn element(&self, vertex: u32) -> u32 {
+        let index = vertex.saturating_sub(self.vertices.start);
+        match &self.elements {
+            Some(elements) => elements.get(index as usize).copied().unwrap_or(index),
+            None => index,
+        }
+    }
 }
 
 /// How one attribute was stored.

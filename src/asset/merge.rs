@@ -218,6 +218,7 @@ impl Merger<'_> {
         self.geometry.primitives.push(PrimitiveLayout {
             primitive: part.primitive,
             vertices: first..mesh.positions.len() as u32,
+            elements: faces.used,
             attributes: layouts(None, &part.attributes),
             targets: part.targets.iter().enumerate().map(|(t, sources)| layouts(Some(t), sources)).collect(),
         });

@@ -37,7 +37,7 @@ pub(super) fn level_mesh(
             mesh.insert(member.into(), value.clone());
         }
     }
-    if let Some(extensions) = carried_extensions(source) {
+    if let Some(extensions) = carried_extensions(source, false) {
         mesh.insert("extensions".into(), extensions);
     }
     mesh.into()
@@ -61,16 +61,18 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
         Value::Object(attributes.iter().map(reference).collect())
     };
     let mut primitive = Map::new();
-    primitive.insert("attributes".into(), references(&draft.attributes));
+    let shared = |name: &str| source.get(name).filter(|_| draft.shares_vertices).cloned();
+    primitive.insert("attributes".into(), shared("attributes").unwrap_or_else(|| references(&draft.attributes)));
     primitive.insert("indices".into(), (first_accessor + draft.indices).into());
     if let Some(material) = source.get("material") {
         primitive.insert("material".into(), material.clone());
     }
     primitive.insert("mode".into(), 4.into());
-    if !draft.targets.is_empty() {
-        primitive.insert("targets".into(), draft.targets.iter().map(|t| references(t)).collect());
+    let own_targets = || draft.targets.iter().map(|t| references(t)).collect();
+    if let Some(targets) = shared("targets").or((!draft.targets.is_empty()).then(own_targets)) {
+        primitive.insert("targets".into(), targets);
     }
-    if let Some(extensions) = carried_extensions(source) {
+    if let Some(extensions) = carried_extensions(source, draft.shares_vertices) {
         primitive.insert("extensions".into(), extensions);
     }
     if let Some(extras) = source.get("extras") {
@@ -79,13 +81,16 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
     primitive.into()
 }
 
-/// The extensions of a mesh or primitive that hold for its levels too; `None` when there are none.
-fn carried_extensions(source: &Value) -> Option<Value> {
+/// The extensions of a mesh or primitive that hold for its levels too; `None` when there are none. `same_vertices`: what is said of vertices
+/// holds as well.
+fn carried_extensions(source: &Value, same_vertices: bool) -> Option<Value> {
     let extensions = source.get("extensions")?.as_object()?;
     let carried: Map<String, Value> = extensions
         .iter()
         .filter(|(name, _)| !BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str()))
-        .filter_map(|(name, payload)| Some((name.clone(), carried_payload(name, payload)?)))
+        .filter_map(|(name, payload)| {
+            Some((name.clone(), if same_vertices { payload.clone() } else { carried_payload(name, payload)? }))
+        })
         .collect();
     (!carried.is_empty()).then(|| carried.into())
 }

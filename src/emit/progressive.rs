@@ -14,10 +14,37 @@ pub(super) struct SourceSplit {
     pub finest: Vec<Range<usize>>,
 }
 
-/// Splits the first `length` bytes of buffer 0. `meshes` are those that get levels.
+/// The meshes that get levels.
+#[derive(Debug, Default)]
+pub(super) struct Levelled {
+    /// Levels with vertices of their own.
+    pub own: BTreeSet<usize>,
+    /// Levels that use the source's vertices.
+    pub sharing: BTreeSet<usize>,
+}
+
+impl Levelled {
+    fn contains(&self, mesh: usize) -> bool {
+        self.own.contains(&mesh) || self.sharing.contains(&mesh)
+    }
+
+    /// The accessors of the vertices that levels use as well.
+    fn vertices_of_sharing<'a>(&'a self, document: &'a Document) -> impl Iterator<Item = usize> + 'a {
+        let meshes = self.sharing.iter().filter_map(|&mesh| document.array("meshes").get(mesh));
+        meshes.flat_map(|mesh| elements(mesh, "primitives")).flat_map(vertex_accessors)
+    }
+}
+
+/// The accessors of a primitive's attributes and morph targets.
+fn vertex_accessors(primitive: &Value) -> impl Iterator<Item = usize> {
+    let attributes = primitive.get("attributes").into_iter().chain(elements(primitive, "targets"));
+    attributes.filter_map(Value::as_object).flat_map(|a| a.values()).filter_map(index_of)
+}
+
+/// Splits the first `length` bytes of buffer 0.
 ///
 /// Overlapping views stay together, and bytes that no view names stay behind the view before them.
-pub(super) fn split_source(document: &Document, meshes: &BTreeSet<usize>, length: usize) -> SourceSplit {
+pub(super) fn split_source(document: &Document, meshes: &Levelled, length: usize) -> SourceSplit {
     let finest_views = views_of_finest(document, meshes);
     let mut ranges = Vec::new();
     for (index, view) in document.array("bufferViews").iter().enumerate() {
@@ -102,11 +129,12 @@ fn names_buffer(value: &Value) -> bool {
 }
 
 /// Buffer views that nothing but triangles of `meshes` uses.
-fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<usize> {
+fn views_of_finest(document: &Document, meshes: &Levelled) -> BTreeSet<usize> {
     let is_triangles =
         |primitive: &Value| primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode));
     let (finest, shared) =
-        accessors_by_user(document, |mesh, _, primitive| meshes.contains(&mesh) && is_triangles(primitive));
+        accessors_by_user(document, |mesh, _, primitive| meshes.contains(mesh) && is_triangles(primitive));
+    let shared = shared.into_iter().chain(meshes.vertices_of_sharing(document)).collect::<BTreeSet<_>>();
     let mut finest_views = BTreeSet::new();
     let mut shared_views = BTreeSet::new();
     for (index, accessor) in document.array("accessors").iter().enumerate() {
@@ -137,8 +165,7 @@ pub(super) fn accessors_by_user(
         for (index, primitive) in elements(mesh, "primitives").iter().enumerate() {
             let list = if is_chosen(number, index, primitive) { &mut chosen } else { &mut shared };
             list.extend(index_at(primitive, "/indices"));
-            let attributes = primitive.get("attributes").into_iter().chain(elements(primitive, "targets"));
-            list.extend(attributes.filter_map(Value::as_object).flat_map(|a| a.values()).filter_map(index_of));
+            list.extend(vertex_accessors(primitive));
         }
     }
     for sampler in document.array("animations").iter().flat_map(|animation| elements(animation, "samplers")) {
@@ -171,7 +198,11 @@ mod tests {
 
     /// Start and end of the shared ranges and of the finest's.
     fn split(document: &Document, meshes: &[usize], length: usize) -> [Vec<(usize, usize)>; 2] {
-        let split = split_source(document, &meshes.iter().copied().collect(), length);
+        split_among(document, &Levelled { own: meshes.iter().copied().collect(), ..Levelled::default() }, length)
+    }
+
+    fn split_among(document: &Document, meshes: &Levelled, length: usize) -> [Vec<(usize, usize)>; 2] {
+        let split = split_source(document, meshes, length);
         [split.shared, split.finest].map(|ranges| ranges.into_iter().map(|r| (r.start, r.end)).collect())
     }
 
@@ -194,6 +225,17 @@ mod tests {
         }));
         assert_eq!(split(&document, &[0], 36), [vec![(0, 4), (20, 36)], vec![(4, 20)]]);
         assert_eq!(split(&document, &[0, 1], 36), [vec![(0, 4), (20, 30)], vec![(4, 20), (30, 36)]]);
+    }
+
+    #[test]
+    fn vertices_that_levels_use_are_needed_from_the_start() {
+        let document = Document::new(json!({
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "accessors": [{"bufferView": 0}, {"bufferView": 1}],
+            "bufferViews": [{"buffer": 0, "byteLength": 12}, {"buffer": 0, "byteOffset": 12, "byteLength": 4}],
+        }));
+        let sharing = Levelled { sharing: BTreeSet::from([0]), ..Levelled::default() };
+        assert_eq!(split_among(&document, &sharing, 16), [vec![(0, 12)], vec![(12, 16)]]);
     }
 
     #[test]

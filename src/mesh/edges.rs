@@ -79,6 +79,11 @@ impl Irregular {
         }
     }
 
+    /// Makes room for points at plain edges only.
+    pub fn grow(&mut self, points: usize) {
+        self.0.resize(points, false);
+    }
+
     fn are_both(&self, a: u32, b: u32) -> bool {
         self.0[a as usize] && self.0[b as usize]
     }

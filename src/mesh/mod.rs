@@ -100,6 +100,25 @@ impl Mesh {
         })
     }
 
+    /// These vertices with all they have, without triangles.
+    pub(crate) fn pick_vertices(&self, vertices: &[u32]) -> Self {
+        fn pick<T: Copy>(values: &[T], width: usize, vertices: &[u32]) -> Vec<T> {
+            vertices.iter().flat_map(|&v| &values[v as usize * width..][..width]).copied().collect()
+        }
+        let attribute = |a: &Attribute| Attribute { values: pick(&a.values, a.width, vertices), ..*a };
+        let skin = |s: &Skin| Skin {
+            influences: s.influences,
+            joints: pick(&s.joints, s.influences, vertices),
+            weights: pick(&s.weights, s.influences, vertices),
+        };
+        Self {
+            positions: pick(&self.positions, 1, vertices),
+            attributes: self.attributes.iter().map(attribute).collect(),
+            skin: self.skin.as_ref().map(skin),
+            ..Self::default()
+        }
+    }
+
     /// The attribute with this meaning, if the mesh has it.
     pub fn attribute(&self, semantic: Semantic) -> Option<&Attribute> {
         self.attributes.iter().find(|a| a.semantic == semantic)

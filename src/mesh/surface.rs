@@ -31,6 +31,8 @@ pub(crate) struct Surface {
     pub wedges: Wedges,
     rings: Rings,
     live: usize,
+    /// For each point the one it was joined to; itself if it was not.
+    heirs: Vec<u32>,
 }
 
 /// A shift and a scale by a power of two: exact for the source's coordinates in both directions.
@@ -167,7 +169,8 @@ impl Surface {
         }
         let wedges = Wedges::new(mesh, &welded.wedge_vertex);
         let live = faces.len();
-        let mut surface = Self { frame, points, faces, corners, wedges, rings: Rings::default(), live };
+        let heirs = (0..points.len() as u32).collect();
+        let mut surface = Self { frame, points, faces, corners, wedges, rings: Rings::default(), live, heirs };
         surface.rings.rebuild(surface.points.len(), &surface.faces);
         surface.drop_copies();
         surface
@@ -279,11 +282,30 @@ impl Surface {
         face
     }
 
+    /// Puts another point, with a wedge, into corner `k` of a face.
+    pub fn replace_corner(&mut self, face: usize, k: usize, point: u32, wedge: u32) {
+        let corner = (face as u32) << 2 | k as u32;
+        self.rings.remove(self.faces[face][k], corner);
+        self.rings.push(point, corner);
+        self.faces[face][k] = point;
+        self.corners[face][k] = wedge;
+    }
+
     /// Adds a point without faces.
     pub fn add_point(&mut self, position: DVec3) -> u32 {
         self.points.push(position);
         self.rings.spans.push(Span::default());
-        self.points.len() as u32 - 1
+        let point = self.points.len() as u32 - 1;
+        self.heirs.push(point);
+        point
+    }
+
+    /// The point that `point` has become part of.
+    pub fn heir(&self, mut point: u32) -> u32 {
+        while self.heirs[point as usize] != point {
+            point = self.heirs[point as usize];
+        }
+        point
     }
 
     /// Does what `merge` says; `kept` moves to `position`.
@@ -300,13 +322,16 @@ impl Surface {
         }
         self.live -= merge.faces.len();
         for &corner in merge.spokes_of_gone() {
-            let (face, k) = (Self::face_of(corner), (corner & 3) as usize);
-            self.faces[face][k] = kept;
-            self.corners[face][k] = merge.target(self.corners[face][k]);
+            self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
+        }
+        for &corner in merge.spokes_with_new_wedges() {
+            let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
+            *wedge = merge.target(*wedge);
         }
         self.rings.replace(kept, &merge.spokes);
         self.rings.clear(gone);
         self.points[kept as usize] = position;
+        self.heirs[gone as usize] = kept;
     }
 
     /// Drops dead faces and the gaps in the rings. Face ids change, their order and all point ids stay. Gives whether there was anything to drop.
@@ -348,6 +373,23 @@ impl Surface {
 
     /// The surface as plain arrays: only used vertices, in the order in which triangles first use them.
     pub fn to_mesh(&self) -> Mesh {
+        let (mut mesh, order) = self.number_vertices();
+        mesh.positions = order.iter().map(|v| self.frame.leave(self.points[v.point as usize])).collect();
+        let wedges: Vec<u32> = order.into_iter().map(|v| v.wedge).collect();
+        self.wedges.write(&wedges, &mut mesh);
+        mesh
+    }
+
+    /// The surface, of which no vertex has moved or changed, as plain arrays in the order of [`Self::to_mesh`], and the vertex of `source` that each
+    /// vertex is.
+    pub fn to_subset(&self, source: &Mesh) -> (Mesh, Vec<u32>) {
+        let (mesh, order) = self.number_vertices();
+        let vertices: Vec<u32> = order.into_iter().map(|v| self.wedges.origin(v.wedge)).collect();
+        (Mesh { triangles: mesh.triangles, groups: mesh.groups, ..source.pick_vertices(&vertices) }, vertices)
+    }
+
+    /// Triangles and groups as plain arrays, and what their vertices are.
+    fn number_vertices(&self) -> (Mesh, Vec<Vertex>) {
         // A wedge may stand at several points only by a bug; keyed by wedge the vertex count stays minimal.
         let mut vertex_of = vec![u32::MAX; self.wedges.len()];
         let mut order = Vec::new();
@@ -358,15 +400,19 @@ impl Surface {
                 let slot = &mut vertex_of[wedge as usize];
                 if *slot == u32::MAX {
                     *slot = order.len() as u32;
-                    order.push(wedge);
-                    mesh.positions.push(self.frame.leave(self.points[point as usize]));
+                    order.push(Vertex { point, wedge });
                 }
                 *slot
             });
             mesh.triangles.push(triangle);
             mesh.groups.push(self.wedges.group(self.corners[f][0]));
         }
-        self.wedges.write(&order, &mut mesh);
-        mesh
+        (mesh, order)
     }
+}
+
+/// What becomes a vertex of a plain mesh.
+struct Vertex {
+    point: u32,
+    wedge: u32,
 }

@@ -21,6 +21,8 @@ pub(crate) struct Wedges {
     range: Vec<(f32, f32)>,
     groups: Vec<u32>,
     skin: Option<Skin>,
+    /// The source vertex that each wedge came from.
+    origins: Vec<u32>,
 }
 
 impl Wedges {
@@ -54,7 +56,7 @@ impl Wedges {
                 *bounds = (bounds.0.min(value), bounds.1.max(value));
             }
         }
-        Self { columns, stride, values, range, groups, skin }
+        Self { columns, stride, values, range, groups, skin, origins: vertices.to_vec() }
     }
 
     pub fn len(&self) -> usize {
@@ -78,6 +80,11 @@ impl Wedges {
 
     pub fn group(&self, wedge: u32) -> u32 {
         self.groups[wedge as usize]
+    }
+
+    /// The source vertex that a wedge came from: it still is that vertex, if nothing has moved or changed it.
+    pub fn origin(&self, wedge: u32) -> u32 {
+        self.origins[wedge as usize]
     }
 
     pub fn row(&self, wedge: u32) -> &[f32] {
@@ -109,11 +116,21 @@ impl Wedges {
         self.group(a) != self.group(b) || self.columns.iter().any(differs)
     }
 
+    /// How far the rows of two wedges lie apart; morph displacements and identifiers do not count.
+    pub fn distance_squared(&self, a: u32, b: u32) -> f32 {
+        let (row_a, row_b) = (self.row(a), self.row(b));
+        let counts =
+            |column: &&Column| matches!(column.semantic, Semantic::Normal | Semantic::TexCoord(_) | Semantic::Color(_));
+        let numbers = self.columns.iter().filter(counts).flat_map(|c| c.offset..c.offset + c.width);
+        numbers.map(|i| (row_a[i] - row_b[i]) * (row_a[i] - row_b[i])).sum()
+    }
+
     /// A copy of `wedge` under a new id.
     pub fn duplicate(&mut self, wedge: u32) -> u32 {
         let (w, stride) = (wedge as usize, self.stride);
         self.values.extend_from_within(w * stride..(w + 1) * stride);
         self.groups.push(self.groups[w]);
+        self.origins.push(self.origins[w]);
         if let Some(skin) = &mut self.skin {
             let n = skin.influences;
             skin.joints.extend_from_within(w * n..(w + 1) * n);
@@ -151,6 +168,33 @@ impl Wedges {
         let skin = self.skin.as_ref()?;
         let range = wedge as usize * skin.influences..(wedge as usize + 1) * skin.influences;
         Some((&skin.joints[range.clone()], &skin.weights[range]))
+    }
+
+    /// Joint influences inside a face of these wedges, as (joint, weight), strongest first; empty without a skin.
+    pub fn blend_influences(&self, corners: [u32; 3], weights: [f32; 3]) -> Vec<(u16, f32)> {
+        let mut found: Vec<(u16, f32)> = Vec::new();
+        let Some(skin) = &self.skin else { return found };
+        let n = skin.influences;
+        for (wedge, share) in corners.into_iter().zip(weights) {
+            let range = wedge as usize * n..(wedge as usize + 1) * n;
+            for (&joint, &weight) in skin.joints[range.clone()].iter().zip(&skin.weights[range]) {
+                match found.iter_mut().find(|(j, _)| *j == joint) {
+                    _ if weight * share <= 0.0 => {}
+                    Some((_, w)) => *w += weight * share,
+                    None => found.push((joint, weight * share)),
+                }
+            }
+        }
+        found.sort_by(|x, y| y.1.total_cmp(&x.1).then(x.0.cmp(&y.0)));
+        found.truncate(n);
+        let sum: f32 = found.iter().map(|(_, w)| w).sum();
+        found.iter_mut().for_each(|(_, w)| *w /= sum);
+        found
+    }
+
+    /// Whether wedges have anything but a group.
+    pub fn has_data(&self) -> bool {
+        self.stride > 0 || self.skin.is_some()
     }
 
     /// Whether the wedge has joint influences.

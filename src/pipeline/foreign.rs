@@ -36,7 +36,7 @@ impl LevelMaker<'_> {
         if stop == Stop::Target && wanted < least {
             stop = Stop::Floor;
         }
-        Ok(Level { mesh, stop, refusals: Refusals::default() })
+        Ok(Level { mesh, source_vertices: None, stop, refusals: Refusals::default() })
     }
 
     fn reduce(&self, triangles: usize) -> Result<Baseline> {

@@ -189,12 +189,15 @@ fn build_levels(subject: Subject) -> Result<BuiltMesh> {
         let why = report.dropped.first().map_or("the preset asks for no level", |_| "no level saves enough triangles");
         return Ok(BuiltMesh::skipped(MeshReport { skipped: Some(why.to_owned()), ..report }));
     }
-    kept.par_iter_mut().for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
+    // Source vertices are stored already.
+    let own_vertices = kept.par_iter_mut().filter(|(_, level)| level.source_vertices.is_none());
+    own_vertices.for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
     report.levels = measure_levels(&geometry.mesh, &ruler, &kept, &options);
     switch_levels(&mut report, &kept, &settings)?;
     let gates = check_gates(&report, &settings.gates);
     let extras = describe_for_extras(&report, &settings);
-    let levels = kept.into_iter().map(|(_, level)| LodLevel { mesh: level.mesh }).collect();
+    let to_lod = |(_, level): (usize, Level)| LodLevel { mesh: level.mesh, source_vertices: level.source_vertices };
+    let levels = kept.into_iter().map(to_lod).collect();
     let lods = MeshLods { mesh: report.mesh, geometry, levels, coverage: report.coverage.clone(), extras };
     Ok(BuiltMesh { report, gates, lods: Some(lods) })
 }

@@ -62,6 +62,9 @@ macro_rules! each_key {
         /// the collapses more evenly.
         fms_alpha: Weight,
 
+        /// Whether vertices may move, or only go.
+        placement: Placement,
+
         /// How much time a level may take to become better than what the collapses alone give.
         effort: Effort,
 
@@ -333,6 +336,17 @@ pub enum NormalUpdate {
     Recompute,
 }
 
+/// Where the vertex of a collapsed edge goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Placement {
+    /// Where the error is least: the best shape for the triangles.
+    Optimal,
+    /// To one of the edge's ends: levels share the source's vertices and add an index buffer only, which takes the least memory. Nothing is split
+    /// or refined.
+    Subset,
+}
+
 /// How much time a level may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -434,6 +448,7 @@ replaced!(
     Schedule,
     Exponent,
     NormalUpdate,
+    Placement,
     Effort,
     EdgePolicy,
     Basis,
@@ -495,6 +510,15 @@ impl From<NormalUpdate> for simplify::NormalUpdate {
         match update {
             NormalUpdate::Linear => Self::Linear,
             NormalUpdate::Recompute => Self::Recompute,
+        }
+    }
+}
+
+impl From<Placement> for simplify::Placement {
+    fn from(placement: Placement) -> Self {
+        match placement {
+            Placement::Optimal => Self::Optimal,
+            Placement::Subset => Self::Subset,
         }
     }
 }

@@ -50,6 +50,7 @@ fn resolve_simplify(keys: &Keys) -> Result<simplify::Options> {
         qfvp_w: required(keys.qfvp_w, "qfvp_w")?.0,
         qfvp_normals: required(keys.qfvp_normals, "qfvp_normals")?.into(),
         fms_alpha: required(keys.fms_alpha, "fms_alpha")?.get() as f32,
+        placement: required(keys.placement, "placement")?.into(),
         effort: required(keys.effort, "effort")?.into(),
         curvature_weight: required(keys.curvature_weight, "curvature_weight")?.get() as f32,
         split_factor: split_factor.0.map(|factor| factor as f32),

@@ -33,11 +33,6 @@ impl Deviation {
         Self { source: Bvh::new(&source.positions, &source.triangles), samples }
     }
 
-    /// The nearest source point to `x` and its distance, object units.
-    pub fn nearest(&self, x: DVec3) -> Option<(DVec3, f64)> {
-        self.source.closest(x, f64::INFINITY).map(|hit| (hit.point, hit.distance()))
-    }
-
     /// Distance between the source and `level`, both ways.
     pub fn of(&self, level: &Mesh) -> Distance {
         let tree = Bvh::new(&level.positions, &level.triangles);

@@ -21,6 +21,8 @@ pub(crate) enum Cause {
     Needle,
     Border,
     Seam,
+    /// A wedge has none of its group to become.
+    Unpaired,
 }
 
 impl Refusals {
@@ -30,7 +32,7 @@ impl Refusals {
             Cause::Flip => &mut self.flip,
             Cause::Needle => &mut self.needle,
             Cause::Border => &mut self.border,
-            Cause::Seam => &mut self.seam,
+            Cause::Seam | Cause::Unpaired => &mut self.seam,
         } += 1;
     }
 }
@@ -44,7 +46,7 @@ impl Cause {
             Self::Link => Some(8.0),
             Self::Seam => Some(16.0),
             Self::Border => Some(32.0),
-            Self::Flip | Self::Vanish => None,
+            Self::Flip | Self::Vanish | Self::Unpaired => None,
         }
     }
 
@@ -146,13 +148,7 @@ pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, nee
     Ok(())
 }
 
-/// The square of [`face_quality`], from |2 · area|² and Σ edge².
+/// The square of 4√3 · area / Σ edge² (1 for an equilateral triangle, 0 for a degenerate one), from |2 · area|² and Σ edge².
 fn squared_quality(double_area_squared: f64, edges: f64) -> f64 {
     if edges > 0.0 { 12.0 * double_area_squared / (edges * edges) } else { 0.0 }
-}
-
-/// 4√3 · area / Σ edge²: 1 for an equilateral triangle, 0 for a degenerate one.
-pub(crate) fn face_quality([a, b, c]: [DVec3; 3]) -> f64 {
-    let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    if edges > 0.0 { 2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / edges } else { 0.0 }
 }

@@ -1,15 +1,14 @@
 //! The chain: one run from fine to coarse, a snapshot at each target.
 
 use super::deviation::Deviation;
-use super::options::{Algorithm, Effort, Mode, Options, Schedule, Target};
+use super::options::{Algorithm, Effort, Mode, Options, Placement, Schedule, Target};
 use super::reducer::Reducer;
-use super::split::{faces_added, long_edges, split_at_midpoints, split_at_source};
+use super::refine::Refiner;
+use super::split::{faces_added, long_edges, split_at_midpoints};
 use super::{Chain, Level, Refusals, Stop, passes, queue, vertices};
 use crate::error::Result;
 use crate::mesh::Mesh;
 
-/// Share of a level's triangles that the split pass may place anew.
-const SPLIT_SHARE: f64 = 0.03;
 /// Factor on the triangle count between two looks at an error target.
 const ERROR_STEP: f64 = 0.93;
 
@@ -45,13 +44,10 @@ const ERROR_STEP: f64 = 0.93;
 /// ```
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
-    let mut chain = Builder {
-        mesh,
-        options,
-        reducer: Reducer::new(mesh, options),
-        workspace: passes::Workspace::default(),
-        deviation: None,
-    };
+    let reducer = Reducer::new(mesh, options);
+    let refiner = (options.effort > Effort::Fast).then(|| Refiner::new(&reducer.surface, options.effort));
+    let mut chain =
+        Builder { mesh, options, reducer, workspace: passes::Workspace::default(), deviation: None, refiner };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
 }
@@ -63,6 +59,7 @@ struct Builder<'a> {
     workspace: passes::Workspace,
     /// Built when first asked for.
     deviation: Option<Deviation>,
+    refiner: Option<Refiner>,
 }
 
 impl Builder<'_> {
@@ -70,14 +67,27 @@ impl Builder<'_> {
         self.reducer.refusals = Refusals::default();
         let least = self.options.min_triangles.clamp(1, self.mesh.triangles.len().max(1));
         let wanted = target.count(self.mesh.triangles.len(), least);
-        let (mesh, mut stop) = match target.error {
+        let (snapshot, mut stop) = match target.error {
             Some(error) => self.reduce_within(error, wanted.max(least)),
             None => self.reduce_with_splits(wanted.max(least)),
         };
         if stop == Stop::Target && wanted < least {
             stop = Stop::Floor;
         }
-        Level { mesh, stop, refusals: self.reducer.refusals }
+        let Snapshot { mesh, source_vertices } = snapshot;
+        Level { mesh, source_vertices, stop, refusals: self.reducer.refusals }
+    }
+
+    /// The surface as it is.
+    fn snapshot(&self) -> Snapshot {
+        let surface = &self.reducer.surface;
+        match self.options.placement {
+            Placement::Optimal => surface.to_mesh().into(),
+            Placement::Subset => {
+                let (mesh, vertices) = surface.to_subset(self.mesh);
+                Snapshot { mesh, source_vertices: Some(vertices) }
+            }
+        }
     }
 
     fn reduce(&mut self, triangles: usize) -> Stop {
@@ -96,8 +106,8 @@ impl Builder<'_> {
     }
 
     /// Goes down in steps for as long as the measured distance stays below `error`. The step too far stays done: the next level is below it.
-    fn reduce_within(&mut self, error: f64, triangles: usize) -> (Mesh, Stop) {
-        let mut kept = self.reducer.surface.to_mesh();
+    fn reduce_within(&mut self, error: f64, triangles: usize) -> (Snapshot, Stop) {
+        let mut kept = self.snapshot();
         loop {
             let count = self.reducer.surface.face_count();
             if count <= triangles {
@@ -105,8 +115,8 @@ impl Builder<'_> {
             }
             let next = ((count as f64 * ERROR_STEP) as usize).min(count - 1).max(triangles);
             let stop = self.reduce(next);
-            let tried = self.reducer.surface.to_mesh();
-            if self.deviation().of(&tried).max > error {
+            let tried = self.snapshot();
+            if self.deviation().of(&tried.mesh).max > error {
                 return (kept, Stop::Error);
             }
             kept = tried;
@@ -116,17 +126,22 @@ impl Builder<'_> {
         }
     }
 
-    fn reduce_with_splits(&mut self, triangles: usize) -> (Mesh, Stop) {
-        match (self.options.algorithm, self.options.split_factor) {
+    fn reduce_with_splits(&mut self, triangles: usize) -> (Snapshot, Stop) {
+        if self.options.placement == Placement::Subset {
+            let stop = self.reduce(triangles);
+            return (self.snapshot(), stop);
+        }
+        let (mesh, stop) = match (self.options.algorithm, self.options.split_factor) {
             (Algorithm::Esqem(Mode::Paper), Some(factor)) => self.split_as_in_paper(triangles, f64::from(factor)),
-            (Algorithm::Esqem(Mode::Enhanced), Some(factor)) if self.options.effort > Effort::Fast => {
-                self.split_where_it_helps(triangles, f64::from(factor))
+            (Algorithm::Esqem(Mode::Enhanced), _) if self.options.effort > Effort::Fast => {
+                self.reduce_and_refine(triangles)
             }
             _ => {
                 let stop = self.reduce(triangles);
                 (self.reducer.surface.to_mesh(), stop)
             }
-        }
+        };
+        (mesh.into(), stop)
     }
 
     /// Collapses past the target until the long edges' splits pay back exactly what is missing (ESQEM's equal counts).
@@ -159,27 +174,41 @@ impl Builder<'_> {
         }
     }
 
-    /// Tries a few triangles less, placed anew where the level is farthest from the source; keeps what is nearer.
-    fn split_where_it_helps(&mut self, triangles: usize, factor: f64) -> (Mesh, Stop) {
+    /// Collapses, then makes the level better at the count it has. The chain goes on from the better level: its errors are not those of the
+    /// collapses after it.
+    fn reduce_and_refine(&mut self, triangles: usize) -> (Mesh, Stop) {
+        let before = self.reducer.surface.face_count();
         let stop = self.reduce(triangles);
         let plain = self.reducer.surface.to_mesh();
-        let room = 2 * (triangles as f64 * SPLIT_SHARE * 0.5).round() as usize;
-        if stop != Stop::Target || room == 0 || triangles <= room + self.options.min_triangles {
+        let Some(refiner) = &mut self.refiner else { return (plain, stop) };
+        if self.reducer.surface.face_count() == before {
             return (plain, stop);
         }
-        self.reduce(triangles - room);
         let mut surface = self.reducer.surface.clone();
-        let missing = triangles.saturating_sub(surface.face_count());
+        refiner.refine(&mut surface, self.reducer.locked());
+        let refined = surface.to_mesh();
         let deviation = self.deviation();
-        let added = split_at_source(&mut surface, deviation, factor, missing);
-        let split = surface.to_mesh();
-        let (was, is) = (deviation.of(&plain), deviation.of(&split));
-        // The chain goes on from the collapses alone either way: the next level has splits of its own.
-        let better = added + 1 >= missing && is.max <= was.max && is.rms <= was.rms;
-        (if better { split } else { plain }, stop)
+        let (was, is) = (deviation.of(&plain), deviation.of(&refined));
+        if is.max > was.max || is.rms > was.rms {
+            return (plain, stop);
+        }
+        self.reducer.adopt(surface);
+        (refined, stop)
     }
 
     fn deviation(&mut self) -> &Deviation {
         self.deviation.get_or_insert_with(|| Deviation::new(self.mesh))
+    }
+}
+
+/// A level in the making.
+struct Snapshot {
+    mesh: Mesh,
+    source_vertices: Option<Vec<u32>>,
+}
+
+impl From<Mesh> for Snapshot {
+    fn from(mesh: Mesh) -> Self {
+        Self { mesh, source_vertices: None }
     }
 }

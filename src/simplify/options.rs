@@ -17,6 +17,8 @@ pub struct Options {
     pub qfvp_normals: NormalUpdate,
     /// FMS's α: how much a vertex gains in weight as collapses change the surface around it.
     pub fms_alpha: f32,
+    /// Whether vertices may move, or only go.
+    pub placement: Placement,
     /// How much time a level may take to become better than what the collapses alone give.
     pub effort: Effort,
     /// How much Gaussian curvature counts, relative to what is usual in the [`Mode`]; 0 turns it off. In paper mode 1 is ESQEM's a = 0.01.
@@ -135,6 +137,17 @@ pub enum Schedule {
     Vertices,
 }
 
+/// Where the vertex of a collapsed edge goes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Placement {
+    /// Where the error is least, with attributes solved for that place.
+    #[default]
+    Optimal,
+    /// To one end of the edge, which stays as it is: levels are made of source vertices alone, so that they need only an index buffer of their own.
+    /// Nothing is split or refined.
+    Subset,
+}
+
 /// How much time a level may take.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Effort {
@@ -189,6 +202,7 @@ impl Default for Options {
             qfvp_w: FeatureWeight::Auto,
             qfvp_normals: NormalUpdate::Linear,
             fms_alpha: 1.0,
+            placement: Placement::Optimal,
             effort: Effort::Default,
             curvature_weight: 1.0,
             split_factor: Some(4.0 / 3.0),

@@ -181,6 +181,11 @@ impl Subject<'_> {
         Place { offset, error: f64::from(self.error(offset.as_vec3())) }
     }
 
+    /// What it costs that the second end, or the first if `backwards`, goes to the other one, which stays: area · distance².
+    pub fn error_of_end(&self, backwards: bool) -> f64 {
+        f64::from(self.error(if backwards { self.edge.as_vec3() } else { Vec3::ZERO }))
+    }
+
     /// How much an error counts here: more where the surface is curved, and where it bends between the ends.
     pub fn factor(&self, curvature_weight: f32) -> f64 {
         let [a, b] = self.ends;
@@ -243,9 +248,14 @@ fn factor(a: Vec3, b: Vec3, curvature: f32, length_squared: f32, curvature_weigh
 }
 
 /// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
-/// all that ranking needs.
+/// all that ranking needs. With `at_ends` the least of both ends alone.
 #[inline]
-pub(super) fn estimate(first: [&Apex; LANES], second: [&Apex; LANES], curvature_weight: f32) -> [f32; LANES] {
+pub(super) fn estimate(
+    first: [&Apex; LANES],
+    second: [&Apex; LANES],
+    curvature_weight: f32,
+    at_ends: bool,
+) -> [f32; LANES] {
     let (a, b) = (Lanes::of(first), Lanes::of(second));
     let splat = f32x4::splat;
     let edge = [0, 1, 2].map(|i| b.position[i] - a.position[i]);
@@ -258,15 +268,18 @@ pub(super) fn estimate(first: [&Apex; LANES], second: [&Apex; LANES], curvature_
         ([0, 1, 2].map(|i| along * apex.mean[i] + spread[i]), value)
     };
     let ((u, at_end), (v, at_start)) = (times_edge(&a), times_edge(&b));
-    let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
-    let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
-    // Σ area · (n · N)², with all normals taken for their mean.
-    let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
-    let stiffness = a.weight * na * na + b.weight * nb * nb;
-    let above_middle = splat(0.25) * (at_start + at_end - slope * slope / stiffness.fast_max(splat(f32::MIN_POSITIVE)));
+    let mut error = at_start.fast_min(at_end);
+    if !at_ends {
+        let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
+        let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
+        // Σ area · (n · N)², with all normals taken for their mean.
+        let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
+        let stiffness = (a.weight * na * na + b.weight * nb * nb).fast_max(splat(f32::MIN_POSITIVE));
+        error = error.fast_min(splat(0.25) * (at_start + at_end - slope * slope / stiffness));
+    }
     let length_squared = dot(edge, edge);
     let least = splat(LENGTH_COST) * (a.weight + b.weight) * length_squared;
-    let error = at_start.fast_min(at_end).fast_min(above_middle).fast_max(splat(0.0)) + least;
+    let error = error.fast_max(splat(0.0)) + least;
 
     let lengths = (dot(a.mean, a.mean) * dot(b.mean, b.mean)).sqrt();
     let cosine = dot(a.mean, b.mean) / lengths.fast_max(splat(f32::MIN_POSITIVE));
@@ -408,7 +421,7 @@ mod tests {
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
         let shared: Vec3 = fa[..2].iter().map(|&t| Facet::of(t).area_vector()).sum();
         let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
-        for estimate in estimate([&a; LANES], [&b; LANES], 1.0) {
+        for estimate in estimate([&a; LANES], [&b; LANES], 1.0, false) {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
         }
     }

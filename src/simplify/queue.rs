@@ -1,7 +1,7 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
 use super::cost::Reach;
-use super::options::Options;
+use super::options::{Options, Placement};
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
 use crate::error::{Error, Kind, Result};
@@ -95,7 +95,7 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
             continue;
         }
         let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
-        let terms = Terms { paid: entry.paid, most: left + 1 };
+        let terms = Terms { paid: entry.paid, most: left + 1, limit: entry.rank.cost() };
         let outcome = reducer.collapse((entry.a, entry.b), candidate, terms);
         if let Outcome::Done(_) = outcome {
             touched[entry.a as usize] = true;
@@ -103,8 +103,10 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
             continue;
         }
         [entry.a, entry.b].iter().for_each(|&p| queue.waiting[p as usize] = true);
-        if let Outcome::Fined(cost) = outcome {
-            queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry }));
+        match outcome {
+            Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry })),
+            Outcome::Later(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), ..entry })),
+            Outcome::Done(_) | Outcome::Refused => {}
         }
     }
 }
@@ -115,6 +117,8 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
 /// As [`simplify`](super::simplify).
 pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result<(Log, Surface)> {
     mesh.validate()?;
+    // The log knows no wedges that the end of an edge keeps.
+    let options = &Options { placement: Placement::Optimal, ..options.clone() };
     let mut reducer = Reducer::new(mesh, options);
     reducer.log = Some(Log::new(mesh, &reducer.surface));
     let least = triangles.max(options.min_triangles);

@@ -2,12 +2,12 @@
 
 use super::Refusals;
 use super::constraints::Constraints;
-use super::cost::{Candidate, Cost, pinned};
+use super::cost::{AtEnds, Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
 use super::fms::Fms;
 use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
 use super::melax::Melax;
-use super::options::{Algorithm, Mode, Options};
+use super::options::{Algorithm, Mode, Options, Placement};
 use super::paper::Paper;
 use super::prune::{Piece, are_there_pieces, pieces};
 use super::qfvp::Qfvp;
@@ -40,6 +40,8 @@ pub(crate) struct Reducer {
     /// The collapse in work, and marks for its checks: kept for their memory.
     merge: Merge,
     marks: Marks,
+    /// Joined points go to an end and have its wedges.
+    to_ends: bool,
 }
 
 impl Reducer {
@@ -58,6 +60,13 @@ impl Reducer {
             Algorithm::Fms => Box::new(Fms::new(&surface, &edges, options)),
             Algorithm::Melax => Box::new(Melax::new(&surface, &edges, options)),
         };
+        let to_ends = options.placement == Placement::Subset;
+        // The enhanced cost knows about ends itself.
+        let cost = if to_ends && options.algorithm != Algorithm::Esqem(Mode::Enhanced) {
+            Box::new(AtEnds(cost))
+        } else {
+            cost
+        };
         let points = surface.points.len();
         Self {
             cost,
@@ -73,7 +82,30 @@ impl Reducer {
             solution: Solution::default(),
             merge: Merge::default(),
             marks: Marks::default(),
+            to_ends,
         }
+    }
+
+    /// Points that may not move.
+    pub fn locked(&self) -> &[bool] {
+        &self.locked
+    }
+
+    /// Goes on from another surface, made from this one by moving, adding and joining points.
+    pub fn adopt(&mut self, surface: Surface) {
+        let points = surface.points.len();
+        self.locked.resize(points, false);
+        self.border.resize(points, false);
+        self.irregular.grow(points);
+        self.cost.grow(&surface);
+        self.surface = surface;
+        self.surface.compact();
+        recollect_edges(&self.surface, &self.irregular, &mut self.edges);
+    }
+
+    /// Whether joined points go to an end of their edge.
+    pub fn goes_to_ends(&self) -> bool {
+        self.to_ends
     }
 
     /// Finds all edges as they are now, and has the cost look at them.
@@ -113,12 +145,47 @@ impl Reducer {
     pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
         let mut merge = take(&mut self.merge);
         merge.look(&self.surface, a, b);
-        let outcome = self.carry_out(&merge, candidate, terms);
+        let outcome = if self.to_ends {
+            self.collapse_to_end(&mut merge, candidate, terms)
+        } else {
+            self.carry_out(&mut merge, candidate, terms)
+        };
         self.merge = merge;
         outcome
     }
 
-    fn carry_out(&mut self, merge: &Merge, candidate: Candidate, terms: Terms) -> Outcome {
+    /// Tries the end that costs less, then the other one, if that may go now.
+    fn collapse_to_end(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
+        let cheaper = self.carry_out_at_end(merge, candidate, terms);
+        let fined = match cheaper {
+            Outcome::Done(_) => return cheaper,
+            Outcome::Fined(cost) => cost,
+            _ => f64::INFINITY,
+        };
+        let ends = [merge.kept, merge.gone].map(|p| self.surface.points[p as usize]);
+        let other = if candidate.position == ends[0] { ends[1] } else { ends[0] };
+        let free = !self.locked[merge.kept as usize] && !self.locked[merge.gone as usize];
+        match self.cost.judge(&self.surface, merge.kept, merge.gone, Some(other)).filter(|_| free) {
+            Some(other) if other.cost <= terms.limit => match self.carry_out_at_end(merge, other, terms) {
+                Outcome::Fined(cost) => Outcome::Fined(cost.min(fined)),
+                Outcome::Refused => cheaper,
+                done => done,
+            },
+            Some(other) if other.cost < fined => Outcome::Later(other.cost),
+            _ => cheaper,
+        }
+    }
+
+    /// Carries out a collapse to an end, whose wedges stay.
+    fn carry_out_at_end(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
+        merge.look(&self.surface, merge.kept, merge.gone);
+        if candidate.position == self.surface.points[merge.gone as usize] {
+            merge.turn();
+        }
+        self.carry_out(merge, candidate, terms)
+    }
+
+    fn carry_out(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
         let (a, b) = (merge.kept, merge.gone);
         if merge.faces.is_empty() || merge.faces.len() > terms.most {
             return Outcome::Refused;
@@ -131,14 +198,15 @@ impl Reducer {
                 .fined(&*self.cost, candidate, along.length_squared())
                 .map_or(Outcome::Refused, Outcome::Fined);
         }
-        if !self.surface.wedges.is_plain() {
+        let solves = !self.to_ends && !self.surface.wedges.is_plain();
+        if solves {
             let t = (candidate.position - start).dot(along) / along.length_squared();
             let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
             self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
         let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
         merge.apply(&mut self.surface, candidate.position);
-        if !self.surface.wedges.is_plain() {
+        if solves {
             self.solution.write(&mut self.surface.wedges);
         }
         if let (Some(log), Some(entry)) = (&mut self.log, entry) {
@@ -151,7 +219,7 @@ impl Reducer {
         Outcome::Done(merge.faces.len())
     }
 
-    fn check(&mut self, merge: &Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+    fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
         check_remains(merge)?;
         check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
         if !terms.paid {
@@ -159,6 +227,10 @@ impl Reducer {
             if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
                 return Err(Cause::Seam);
             }
+        }
+        // At an end there are its own wedges only: one without a partner would get attributes from elsewhere.
+        if self.to_ends && !merge.pair_up(&self.surface, terms.paid || self.constraints.seams_are_free()) {
+            return Err(if terms.paid { Cause::Unpaired } else { Cause::Seam });
         }
         Ok(())
     }
@@ -171,6 +243,8 @@ pub(crate) struct Terms {
     pub paid: bool,
     /// Most faces that may go.
     pub most: usize,
+    /// What may go now: where the cheaper end of an edge is refused, the other one may cost this much.
+    pub limit: f64,
 }
 
 /// What became of a collapse.
@@ -180,6 +254,8 @@ pub(crate) enum Outcome {
     Done(usize),
     /// It may happen at this cost, when its turn comes.
     Fined(f64),
+    /// It may happen at this cost, when its turn comes, and no fine is in that.
+    Later(f64),
     /// It may not happen now.
     Refused,
 }

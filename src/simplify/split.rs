@@ -1,13 +1,7 @@
-//! The split pass: long edges get a vertex in their middle, paid for by collapses (ESQEM §2.2).
-//!
-//! The paper splits every edge longer than b times the mean at its midpoint. The better way, its own outlook, is to split where that
-//! lowers the error and to put the new point on the source surface.
+//! ESQEM's split pass: every edge longer than b times the mean gets a vertex in its middle, paid for by collapses (§2.2).
 
-use super::deviation::Deviation;
-use super::guard::face_quality;
 use crate::attributes::fill_midpoint;
-use crate::curvature::normal_and_area;
-use crate::mesh::edges::{Edge, EdgeKind, collect_edges};
+use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::split_edge;
 use glam::DVec3;
@@ -41,33 +35,6 @@ pub(crate) fn split_at_midpoints(surface: &mut Surface, edges: &[Edge], room: us
     surface.face_count() - before
 }
 
-/// Splits the long edges whose middle is farthest from the source, at the source's nearest point, until `room` faces are added or nothing
-/// is gained any more; gives the faces added.
-pub(crate) fn split_at_source(surface: &mut Surface, deviation: &Deviation, factor: f64, room: usize) -> usize {
-    let mut spots: Vec<(f64, Edge, DVec3)> = long_edges(surface, factor)
-        .into_iter()
-        .filter(|e| !e.kind.has(EdgeKind::COMPLEX) && !e.kind.has(EdgeKind::BORDER))
-        .filter_map(|e| {
-            let middle = (surface.points[e.a as usize] + surface.points[e.b as usize]) * 0.5;
-            let there = surface.frame.leave(middle).map(f64::from);
-            let (point, distance) = deviation.nearest(there.into())?;
-            Some((distance, e, surface.frame.enter(point.as_vec3().to_array())))
-        })
-        .collect();
-    spots.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1.a, x.1.b).cmp(&(y.1.a, y.1.b))));
-    let before = surface.face_count();
-    for (_, edge, target) in spots {
-        let added = surface.face_count() - before;
-        if added >= room {
-            break;
-        }
-        if faces_at(surface, &edge).count() <= room - added && split_is_clean(surface, &edge, target) {
-            split_here(surface, &edge, target);
-        }
-    }
-    surface.face_count() - before
-}
-
 fn split_here(surface: &mut Surface, edge: &Edge, position: DVec3) {
     let (_, made) = split_edge(surface, edge.a, edge.b, position);
     for wedges in made {
@@ -78,16 +45,4 @@ fn split_here(surface: &mut Surface, edge: &Edge, position: DVec3) {
 fn faces_at<'a>(surface: &'a Surface, edge: &'a Edge) -> impl Iterator<Item = usize> + 'a {
     let with_both = |&&c: &&u32| surface.opposite(c).contains(&edge.b);
     surface.ring(edge.a).iter().filter(with_both).map(|&c| Surface::face_of(c))
-}
-
-/// Whether all faces that the split makes look the way of the face they come from and none is a needle.
-fn split_is_clean(surface: &Surface, edge: &Edge, position: DVec3) -> bool {
-    faces_at(surface, edge).all(|f| {
-        let (old, _) = normal_and_area(surface.triangle(f));
-        [edge.a, edge.b].iter().all(|replaced| {
-            let points = surface.face(f).map(|p| if p == *replaced { position } else { surface.points[p as usize] });
-            let (new, _) = normal_and_area(points);
-            new.dot(old) > 0.5 && face_quality(points) > 0.15
-        })
-    })
 }

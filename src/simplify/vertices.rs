@@ -28,13 +28,15 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         }
         let (a, b) = (point.min(best.other), point.max(best.other));
         let Some(candidate) = reducer.judge(a, b) else { continue };
-        match reducer.collapse((a, b), candidate, Terms { paid: best.paid, most: left + 1 }) {
+        let terms = Terms { paid: best.paid, most: left + 1, limit: best.rank.cost() };
+        match reducer.collapse((a, b), candidate, terms) {
             Outcome::Done(_) => {
                 touched[a as usize] = true;
                 queue.follow(reducer, a, b);
             }
-            Outcome::Fined(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost))),
-            Outcome::Refused => queue.set_back(reducer, point, best.other, None),
+            Outcome::Fined(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost)), true),
+            Outcome::Later(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost)), best.paid),
+            Outcome::Refused => queue.set_back(reducer, point, best.other, None, false),
         }
     }
 }
@@ -53,6 +55,8 @@ struct Refused {
     other: u32,
     /// What it may go for, if it may at all.
     price: Option<Rank>,
+    /// A fine is in that.
+    paid: bool,
 }
 
 /// The heap, and for each vertex the edges that were refused since something near changed.
@@ -75,7 +79,7 @@ impl Queue {
         let refused = &self.refused[point as usize];
         let judge = |other: u32| {
             if let Some(edge) = refused.iter().find(|edge| edge.other == other) {
-                return edge.price.map(|rank| Best { rank, other, paid: true });
+                return edge.price.map(|rank| Best { rank, other, paid: edge.paid });
             }
             let candidate = reducer.judge(point.min(other), point.max(other))?;
             Some(Best { rank: Rank::of(candidate.cost), other, paid: false })
@@ -91,10 +95,10 @@ impl Queue {
         }
     }
 
-    fn set_back(&mut self, reducer: &Reducer, point: u32, other: u32, price: Option<Rank>) {
+    fn set_back(&mut self, reducer: &Reducer, point: u32, other: u32, price: Option<Rank>, paid: bool) {
         let refused = &mut self.refused[point as usize];
         refused.retain(|edge| edge.other != other);
-        refused.push(Refused { other, price });
+        refused.push(Refused { other, price, paid });
         self.weigh(reducer, point);
     }
 

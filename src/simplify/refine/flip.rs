@@ -1,0 +1,80 @@
+//! Edge flips: the other diagonal of two faces where that is nearer to the source or better shaped.
+
+use super::level::{Level, unit_normal};
+use crate::mesh::edges::edge_kind;
+use crate::mesh::surface::Surface;
+use crate::mesh::surgery::flip_edge;
+use glam::Vec3;
+
+/// Relative gain below which a flip is noise.
+const LEAST_GAIN: f32 = 1e-3;
+/// Two faces that cost less than this share of two mean ones are good enough.
+const GOOD_ENOUGH: f32 = 0.1;
+/// Cosine of the angle by which the new faces may turn from the nearer of the old, and against either.
+const TURN_COSINE: f32 = 0.3;
+
+/// Tries all edges; gives the number of flips.
+pub(super) fn flip_edges(level: &mut Level) -> usize {
+    let mut flips = 0;
+    for f in 0..level.surface.face_slots() {
+        for k in 0..3 {
+            if level.surface.is_live(f) {
+                let face = level.surface.face(f);
+                let (a, b) = (face[k], face[(k + 1) % 3]);
+                flips += usize::from(a < b && try_flip(level, a, b, false));
+            }
+        }
+    }
+    flips
+}
+
+/// Flips the edge between `a` and `b` if that is worth it. `thorough`: places on the faces are looked at, not samples alone.
+pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, thorough: bool) -> bool {
+    let Some((first, second, c, d)) = find_diamond(level.surface, a, b) else { return false };
+    let [pa, pb, pc, pd] = [a, b, c, d].map(|p| level.point(p));
+    // The shared edge comes first in either pair.
+    let (faces, old, new) = ([first, second], [[pa, pb, pc], [pb, pa, pd]], [[pc, pd, pb], [pd, pc, pa]]);
+    let mut before = level.gather(&faces, &old);
+    if before.cost < 2.0 * GOOD_ENOUGH * level.prices.face() && !thorough || turns(&old, &new) {
+        return false;
+    }
+    let mut after = level.appraise(&new);
+    if after.turned > before.turned || (!thorough && after.cost > before.cost * (1.0 - LEAST_GAIN)) {
+        return false;
+    }
+    before.cost += level.price(&level.probe_pair(&old, level.foot(a).face));
+    after.cost += level.price(&level.probe_pair(&new, level.foot(c).face));
+    let most = before.cost * (1.0 - LEAST_GAIN);
+    let taken = || level.surface.ring(c).iter().any(|&corner| level.surface.opposite(corner).contains(&d));
+    if after.cost > most || taken() || !edge_kind(level.surface, a, b).is_some_and(|k| k.is_plain()) {
+        return false;
+    }
+    flip_edge(level.surface, first, second, a, b);
+    // `first` keeps a and c, `second` b and d.
+    level.settle(&faces, &[second, first]);
+    true
+}
+
+fn turns(old: &[[Vec3; 3]; 2], new: &[[Vec3; 3]; 2]) -> bool {
+    let old = [unit_normal(&old[0]), unit_normal(&old[1])];
+    new.iter().any(|t| {
+        let n = unit_normal(t);
+        old.iter().all(|o| o.dot(n) < TURN_COSINE) || old.iter().any(|o| o.dot(n) < -TURN_COSINE)
+    })
+}
+
+/// The two faces of an edge, the first running from `a` to `b`, and the points opposite.
+fn find_diamond(surface: &Surface, a: u32, b: u32) -> Option<(usize, usize, u32, u32)> {
+    let (mut first, mut second) = (None, None);
+    for &corner in surface.ring(a) {
+        let [next, previous] = surface.opposite(corner);
+        if next == b && first.replace((Surface::face_of(corner), previous)).is_some() {
+            return None;
+        }
+        if previous == b && second.replace((Surface::face_of(corner), next)).is_some() {
+            return None;
+        }
+    }
+    let ((f, c), (g, d)) = (first?, second?);
+    (c != d).then_some((f, g, c, d))
+}

@@ -1,0 +1,105 @@
+//! Which face of the level each sample belongs to: followed from where it was, not searched.
+//!
+//! Every sample has an anchor, a point of the level near it: at first a corner of its source face, later a corner of its face at the level before.
+//! Collapses tell which point an anchor has become part of. From there the nearest face is a few steps downhill.
+
+use super::level::{Lists, NONE};
+use super::patch::Patch;
+use super::prices::Prices;
+use super::source::{Source, closest_point};
+use crate::mesh::surface::Surface;
+use glam::Vec3;
+
+/// Rounds in which samples move on to a nearer corner; the rest stays where it is, a little farther than need be.
+const MOST_ROUNDS: usize = 6;
+
+/// Puts the `chosen` samples into the lists of their nearest faces, and moves their anchors.
+pub(super) fn assign(
+    surface: &Surface,
+    source: &Source,
+    anchors: &mut [u32],
+    chosen: impl Iterator<Item = usize>,
+    lists: &mut Lists,
+    patch: &mut Patch,
+) {
+    // By point first: all samples of a point are measured against its ring at once.
+    let mut by_point = Lists::default();
+    by_point.reset(surface.points.len(), source.samples.len());
+    lists.reset(surface.face_slots(), source.samples.len());
+    for s in chosen {
+        let anchor = surface.heir(anchors[s]);
+        anchors[s] = anchor;
+        lists.squared[s] = f32::INFINITY;
+        by_point.push(anchor as usize, s as u32);
+    }
+    // The face found for each sample; pushed to the lists at the end.
+    let mut found = vec![NONE; source.samples.len()];
+    let mut active: Vec<u32> =
+        (0..surface.points.len() as u32).filter(|&p| by_point.head[p as usize] != NONE).collect();
+    let mut triangles: Vec<[Vec3; 3]> = Vec::new();
+    for _ in 0..MOST_ROUNDS {
+        let mut moved = Vec::new();
+        for &p in &active {
+            let ring = surface.ring(p);
+            triangles.clear();
+            triangles.extend(ring.iter().map(|&c| surface.triangle(Surface::face_of(c)).map(|x| x.as_vec3())));
+            patch.clear();
+            let mut at = std::mem::replace(&mut by_point.head[p as usize], NONE);
+            while at != NONE {
+                patch.push(at, &source.samples[at as usize], 0.0);
+                at = by_point.next[at as usize];
+            }
+            if ring.is_empty() {
+                continue;
+            }
+            patch.measure(&triangles, &Prices::default());
+            for (id, squared, which) in patch.found() {
+                let s = id as usize;
+                if squared >= lists.squared[s] {
+                    continue;
+                }
+                lists.squared[s] = squared;
+                let face = Surface::face_of(ring[which]);
+                found[s] = face as u32;
+                let (_, [a, b, c], _) = closest_point(triangles[which], source.samples[s].position);
+                let k = if a >= b && a >= c {
+                    0
+                } else if b >= c {
+                    1
+                } else {
+                    2
+                };
+                let corner = surface.face(face)[k];
+                anchors[s] = corner;
+                if corner != p {
+                    moved.push((corner, id));
+                }
+            }
+        }
+        active.clear();
+        for (p, s) in moved {
+            if by_point.head[p as usize] == NONE {
+                active.push(p);
+            }
+            by_point.push(p as usize, s);
+        }
+        if active.is_empty() {
+            break;
+        }
+    }
+    for (s, &face) in found.iter().enumerate() {
+        if face != NONE {
+            lists.push(face as usize, s as u32);
+        }
+    }
+}
+
+/// Corners of the faces that samples lie on now become their anchors.
+pub(super) fn move_anchors(surface: &Surface, lists: &Lists, anchors: &mut [u32]) {
+    for f in surface.live_faces() {
+        let corner = surface.face(f)[0];
+        for s in lists.of(f) {
+            anchors[s as usize] = corner;
+        }
+    }
+}

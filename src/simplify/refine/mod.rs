@@ -1,0 +1,171 @@
+//! Refinement: makes a level better at the same number of triangles.
+//!
+//! The source stands as samples (vertices, edge midpoints, centroids), each assigned to the face of the level nearest to it and followed from level
+//! to level. A move replaces a few faces by others; what it is worth is measured on the samples of those faces alone:
+//!
+//! 1. **Sweeps** over all edges and points: the other diagonal of two faces, and the place of a point that is nearest to its samples.
+//! 2. **Peaks**: where the level is farthest from the source, in either direction, the same moves with the farthest distance counting most and with
+//!    places on the level looked at, too; faces between the samples may bridge a gap or stick out.
+//! 3. **Attributes** of points that moved are looked up on the source.
+//!
+//! Points at borders, seams and other special edges stay, and those edges stay as they are; so do locked points.
+//!
+//! Limits: distances are f32 in the unit frame, so errors below a millionth of the extent are noise; the collapses of such levels stay as they are.
+
+mod attributes;
+mod flip;
+mod follow;
+mod level;
+mod patch;
+mod peaks;
+mod prices;
+mod probe;
+mod relocate;
+mod source;
+mod step;
+
+use super::options::Effort;
+use crate::mesh::edges::collect_edges;
+use crate::mesh::surface::Surface;
+use attributes::SourceAttributes;
+use glam::Vec3;
+use level::{Level, Lists, NONE};
+use patch::Patch;
+use prices::Prices;
+use source::{Foot, Source};
+
+/// Refines the levels of one chain, finest first.
+#[derive(Debug)]
+pub(crate) struct Refiner {
+    source: Source,
+    attributes: Option<SourceAttributes>,
+    /// For each sample a point of the level near it.
+    anchors: Vec<u32>,
+    lists: Lists,
+    patch: Patch,
+    budget: Budget,
+}
+
+/// How much is done.
+#[derive(Debug, Clone, Copy)]
+struct Budget {
+    /// Samples a face; all source vertices in any case.
+    samples: f32,
+    /// Sweeps over all edges and points.
+    sweeps: usize,
+    /// Share of the faces whose worst spots are worked on.
+    peaks: f32,
+}
+
+impl Budget {
+    fn of(effort: Effort) -> Self {
+        match effort {
+            Effort::Best => Self { samples: 8.0, sweeps: 3, peaks: 0.1 },
+            _ => Self { samples: 6.0, sweeps: 2, peaks: 0.03 },
+        }
+    }
+}
+
+impl Refiner {
+    /// `surface` is the source.
+    pub fn new(surface: &Surface, effort: Effort) -> Self {
+        let source = Source::new(surface);
+        Self {
+            attributes: SourceAttributes::new(surface),
+            anchors: source.samples.iter().map(|s| source.corner(s)).collect(),
+            lists: Lists::default(),
+            patch: Patch::default(),
+            budget: Budget::of(effort),
+            source,
+        }
+    }
+
+    /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards.
+    pub fn refine(&mut self, surface: &mut Surface, locked: &[bool]) {
+        let fixed = find_fixed(surface, locked);
+        let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
+        let chosen = self.source.choose(wanted);
+        follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
+        let mut level = Level {
+            surface,
+            source: &self.source,
+            lists: &mut self.lists,
+            patch: &mut self.patch,
+            feet: Vec::new(),
+            prices: Prices::default(),
+        };
+        level.prices = Prices::of_level(&level);
+        find_feet(&mut level);
+        for _ in 0..self.budget.sweeps {
+            flip::flip_edges(&mut level);
+            for p in 0..fixed.len() as u32 {
+                if !fixed[p as usize] {
+                    relocate::relocate(&mut level, p, false);
+                }
+            }
+        }
+        let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
+        peaks::lower_peaks(&mut level, &fixed, most);
+        if let Some(attributes) = &self.attributes {
+            attributes::look_up(&mut level, attributes, &fixed);
+        }
+        follow::move_anchors(level.surface, level.lists, &mut self.anchors);
+    }
+}
+
+/// Points that may not move: locked ones, and those at edges that are not plain.
+fn find_fixed(surface: &Surface, locked: &[bool]) -> Vec<bool> {
+    let mut fixed = locked.to_vec();
+    fixed.resize(surface.points.len(), false);
+    for edge in collect_edges(surface).iter().filter(|e| !e.kind.is_plain()) {
+        fixed[edge.a as usize] = true;
+        fixed[edge.b as usize] = true;
+    }
+    fixed
+}
+
+/// Finds the source's closest point to every point of the level.
+fn find_feet(level: &mut Level) {
+    let unknown = Foot { distance_squared: 0.0, point: Vec3::ZERO, face: NONE };
+    level.feet = vec![unknown; level.surface.points.len()];
+    let mut missing = Vec::new();
+    for p in 0..level.surface.points.len() as u32 {
+        if level.surface.ring(p).is_empty() {
+            continue;
+        }
+        match nearest_sample_around(level, p) {
+            Some(start) => level.feet[p as usize] = level.look_back(level.point(p), start),
+            None => missing.push(p),
+        }
+    }
+    // No sample is near: start from what a neighbour has found.
+    while !missing.is_empty() {
+        let before = missing.len();
+        missing.retain(|&p| {
+            let near = level.surface.neighbours(p).into_iter().map(|q| level.foot(q).face).find(|&f| f != NONE);
+            if let Some(start) = near {
+                level.feet[p as usize] = level.look_back(level.point(p), start);
+            }
+            near.is_none()
+        });
+        if missing.len() == before {
+            break;
+        }
+    }
+}
+
+/// The source face of the sample nearest to a point among those on its faces.
+fn nearest_sample_around(level: &Level, p: u32) -> Option<u32> {
+    let x = level.point(p);
+    let mut best = (f32::INFINITY, None);
+    for &corner in level.surface.ring(p) {
+        for s in level.lists.of(Surface::face_of(corner)) {
+            let sample = &level.source.samples[s as usize];
+            let squared = sample.position.distance_squared(x);
+            if squared < best.0 {
+                best = (squared, Some(sample.face));
+            }
+        }
+    }
+    best.1
+}

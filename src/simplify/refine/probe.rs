@@ -1,0 +1,89 @@
+//! The other direction: how far places on the level are from the source. Faces that bridge a gap, and edges that cut a corner, have no sample near
+//! them that would tell.
+
+use super::level::{Level, area, centre, unit_normal};
+use super::source::Foot;
+use super::step::Step;
+use glam::Vec3;
+use smallvec::SmallVec;
+
+/// Shares of a face's area that its centre, the middle of each edge and each corner stand for: exact for cubic functions.
+const CENTRE_SHARE: f32 = 9.0 / 20.0;
+const MIDDLE_SHARE: f32 = 2.0 / 15.0;
+const CORNER_SHARE: f32 = 1.0 / 20.0;
+
+/// Places along an edge and their shares of what the edge stands for: where an edge crosses a ridge is anywhere.
+pub(super) const EDGE_PLACES: [(f32, f32); 3] = [(0.25, 0.25), (0.5, 0.5), (0.75, 0.25)];
+
+/// A place on the level that follows a point by the share `lever`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Probe {
+    pub place: Vec3,
+    pub area: f32,
+    pub lever: f32,
+    pub foot: Foot,
+}
+
+pub(super) type Probes = SmallVec<[Probe; 32]>;
+
+impl Level<'_> {
+    /// Probes of all places that move with the first corner of a fan, whose samples are in the patch; `foot` is that corner's.
+    pub fn probe_fan(&self, fan: &[[Vec3; 3]], foot: Foot) -> Probes {
+        let mut probes = Probes::new();
+        let Some(&[here, ..]) = fan.first() else { return probes };
+        let total: f32 = fan.iter().map(area).sum();
+        let mut push = |place: Vec3, area: f32, lever: f32, foot: Foot| {
+            probes.push(Probe { place, area: area * self.prices.density, lever, foot });
+        };
+        push(here, total * CORNER_SHARE, 1.0, foot);
+        for t in fan {
+            let (area, inner) = (area(t), centre(t));
+            let normal = unit_normal(t);
+            push(inner, area * CENTRE_SHARE, 1.0 / 3.0, self.look_back_from(inner, normal, foot.face));
+            // The spoke's other face is part of the fan, too, wherever the fan is closed.
+            for (along, share) in EDGE_PLACES {
+                let place = t[0].lerp(t[1], along);
+                let foot = self.look_back_from(place, normal, foot.face);
+                push(place, area * MIDDLE_SHARE * 2.0 * share, 1.0 - along, foot);
+            }
+        }
+        probes
+    }
+
+    /// Probes inside two faces that share an edge, whose samples are in the patch: their centres and places along that edge, which runs from the
+    /// first to the second corner of the first. `start` is a source face near it.
+    pub fn probe_pair(&self, pair: &[[Vec3; 3]; 2], start: u32) -> Probes {
+        let areas = pair.map(|t| area(&t) * self.prices.density);
+        let mut probes = Probes::new();
+        for (along, share) in EDGE_PLACES {
+            let place = pair[0][0].lerp(pair[0][1], along);
+            let foot = self.look_back_from(place, unit_normal(&pair[0]), start);
+            probes.push(Probe { place, area: (areas[0] + areas[1]) * MIDDLE_SHARE * share, lever: 0.0, foot });
+        }
+        for (t, area) in pair.iter().zip(areas) {
+            let place = centre(t);
+            let foot = self.look_back_from(place, unit_normal(t), start);
+            probes.push(Probe { place, area: area * CENTRE_SHARE, lever: 0.0, foot });
+        }
+        probes
+    }
+
+    /// The source's closest point to a place on a face with this normal: from the patch's nearest sample, or else from `start`. A walk that
+    /// starts on the other side of a thin part would stay there.
+    fn look_back_from(&self, place: Vec3, normal: Vec3, start: u32) -> Foot {
+        let start = self.patch.nearest_sample(place, normal).map_or(start, |s| self.source.samples[s as usize].face);
+        self.look_back(place, start)
+    }
+
+    /// What the probes' distances cost.
+    pub fn price(&self, probes: &[Probe]) -> f32 {
+        probes.iter().map(|p| self.prices.of_place(p.area, p.foot.distance_squared)).sum()
+    }
+
+    /// Adds the probes to the least squares problem of their point.
+    pub fn add_probes(&self, probes: &[Probe], step: &mut Step) {
+        for p in probes {
+            step.add(p.foot.point - p.place, p.lever, self.prices.slope(p.area, p.foot.distance_squared));
+        }
+    }
+}

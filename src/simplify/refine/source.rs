@@ -1,0 +1,245 @@
+//! The source surface as refinement sees it: samples to be near to, and a way to find the closest point from a place nearby.
+
+use crate::bvh::Bvh;
+use crate::mesh::surface::Surface;
+use glam::Vec3;
+
+/// A source surface in the unit frame, single precision: made once for a chain.
+#[derive(Debug)]
+pub(crate) struct Source {
+    points: Vec<Vec3>,
+    faces: Vec<[u32; 3]>,
+    /// Faces around each point, `starts[p]..starts[p + 1]` of `around`.
+    starts: Vec<u32>,
+    around: Vec<u32>,
+    pub samples: Vec<Sample>,
+    /// The first so many samples are vertices.
+    vertices: usize,
+    tree: Bvh,
+}
+
+/// A point of the source.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sample {
+    pub position: Vec3,
+    /// Area of a face there: samples lie as dense as faces do.
+    pub weight: f32,
+    pub normal: Vec3,
+    /// A face that has it.
+    pub face: u32,
+}
+
+/// A closest point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Foot {
+    pub distance_squared: f32,
+    pub point: Vec3,
+    pub face: u32,
+}
+
+impl Source {
+    pub fn new(surface: &Surface) -> Self {
+        let points: Vec<Vec3> = surface.points.iter().map(|p| p.as_vec3()).collect();
+        let faces: Vec<[u32; 3]> = surface.live_faces().map(|f| surface.face(f)).collect();
+        let (starts, around) = gather_faces(points.len(), &faces);
+        let corners: Vec<[f32; 3]> = points.iter().map(|p| p.to_array()).collect();
+        let tree = Bvh::new(&corners, &faces);
+        let mut source = Self { points, faces, starts, around, samples: Vec::new(), vertices: 0, tree };
+        source.take_samples();
+        source
+    }
+
+    /// Vertices, where the peaks are, then edge midpoints and centroids, both in spatial order: every n-th of them cover the surface evenly and
+    /// neighbours lie side by side in memory.
+    fn take_samples(&mut self) {
+        let mut vertices: Vec<Sample> = Vec::with_capacity(self.points.len());
+        let mut between: Vec<Sample> = Vec::with_capacity(5 * self.faces.len() / 2);
+        let crosses: Vec<Vec3> = self.faces.iter().map(|&f| self.cross(f)).collect();
+        for (f, &face) in self.faces.iter().enumerate() {
+            let [a, b, c] = face.map(|p| self.points[p as usize]);
+            let (weight, normal, face_id) = (crosses[f].length() * 0.5, crosses[f].normalize_or_zero(), f as u32);
+            between.push(Sample { position: (a + b + c) / 3.0, weight, normal, face: face_id });
+            for (p, q) in [(face[0], face[1]), (face[1], face[2]), (face[2], face[0])] {
+                // Inner edges once.
+                if p < q {
+                    let position = (self.points[p as usize] + self.points[q as usize]) * 0.5;
+                    between.push(Sample { position, weight, normal, face: face_id });
+                }
+            }
+        }
+        for p in 0..self.points.len() {
+            let ring = &self.around[self.starts[p] as usize..self.starts[p + 1] as usize];
+            let Some(&face) = ring.first() else { continue };
+            let area: f32 = ring.iter().map(|&f| crosses[f as usize].length() * 0.5).sum();
+            let normal: Vec3 = ring.iter().map(|&f| crosses[f as usize]).sum();
+            let weight = area / ring.len() as f32;
+            vertices.push(Sample { position: self.points[p], weight, normal: normal.normalize_or_zero(), face });
+        }
+        self.vertices = vertices.len();
+        self.samples = sort_in_space(&vertices);
+        self.samples.extend(sort_in_space(&between));
+    }
+
+    fn cross(&self, face: [u32; 3]) -> Vec3 {
+        let [a, b, c] = face.map(|p| self.points[p as usize]);
+        (b - a).cross(c - a)
+    }
+
+    /// The samples for a level: all vertices, and as many of the others as give `wanted`.
+    pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
+        let (vertices, all) = (self.vertices, self.samples.len());
+        let others = wanted.saturating_sub(vertices);
+        let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
+        (0..vertices).chain((vertices..all).step_by(stride))
+    }
+
+    /// Positions of a face.
+    pub fn triangle(&self, face: u32) -> [Vec3; 3] {
+        self.faces[face as usize].map(|p| self.points[p as usize])
+    }
+
+    /// A point of the source near a sample.
+    pub fn corner(&self, sample: &Sample) -> u32 {
+        self.faces[sample.face as usize][0]
+    }
+
+    /// The closest point that a walk downhill from the face `start` finds: the closest of all if the start is near it, or if there is no such face.
+    pub fn walk(&self, x: Vec3, start: u32) -> Foot {
+        const MOST_STEPS: usize = 100;
+        if start as usize >= self.faces.len() {
+            return self.search(x, Foot { distance_squared: f32::INFINITY, point: x, face: start });
+        }
+        let (mut best, mut corner) = self.foot(x, start);
+        for _ in 0..MOST_STEPS {
+            let before = best.face;
+            let face = self.faces[before as usize];
+            // Inside a face there is nothing nearer beside it; on an edge or corner there may be.
+            match corner {
+                Feature::Inside => break,
+                Feature::Corner(k) => {
+                    let p = face[k] as usize;
+                    for &f in &self.around[self.starts[p] as usize..self.starts[p + 1] as usize] {
+                        self.improve(x, f, &mut best, &mut corner);
+                    }
+                }
+                Feature::Edge(k) => {
+                    let (p, q) = (face[k], face[(k + 1) % 3]);
+                    for &f in &self.around[self.starts[p as usize] as usize..self.starts[p as usize + 1] as usize] {
+                        if f != before && self.faces[f as usize].contains(&q) {
+                            self.improve(x, f, &mut best, &mut corner);
+                        }
+                    }
+                }
+            }
+            if best.face == before {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The closest of all points, where that is nearer than `known`.
+    pub fn search(&self, x: Vec3, known: Foot) -> Foot {
+        let limit = f64::from(known.distance_squared.sqrt());
+        self.tree.closest(x.as_dvec3(), limit).map_or(known, |hit| Foot {
+            distance_squared: hit.distance_squared as f32,
+            point: hit.point.as_vec3(),
+            face: hit.triangle,
+        })
+    }
+
+    fn improve(&self, x: Vec3, face: u32, best: &mut Foot, feature: &mut Feature) {
+        let (foot, at) = self.foot(x, face);
+        if foot.distance_squared < best.distance_squared {
+            (*best, *feature) = (foot, at);
+        }
+    }
+
+    fn foot(&self, x: Vec3, face: u32) -> (Foot, Feature) {
+        let (point, _, feature) = closest_point(self.triangle(face), x);
+        (Foot { distance_squared: point.distance_squared(x), point, face }, feature)
+    }
+}
+
+/// Where on a triangle a closest point lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Feature {
+    Inside,
+    /// Between corner k and the next.
+    Edge(usize),
+    Corner(usize),
+}
+
+/// The closest point of a triangle, its barycentric weights and where it lies (Ericson, Real-Time Collision Detection, 5.1.5).
+pub(crate) fn closest_point([a, b, c]: [Vec3; 3], x: Vec3) -> (Vec3, [f32; 3], Feature) {
+    let (ab, ac, ax) = (b - a, c - a, x - a);
+    let (d1, d2) = (ab.dot(ax), ac.dot(ax));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return (a, [1.0, 0.0, 0.0], Feature::Corner(0));
+    }
+    let bx = x - b;
+    let (d3, d4) = (ab.dot(bx), ac.dot(bx));
+    if d3 >= 0.0 && d4 <= d3 {
+        return (b, [0.0, 1.0, 0.0], Feature::Corner(1));
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let v = d1 / (d1 - d3);
+        return (a + ab * v, [1.0 - v, v, 0.0], Feature::Edge(0));
+    }
+    let cx = x - c;
+    let (d5, d6) = (ab.dot(cx), ac.dot(cx));
+    if d6 >= 0.0 && d5 <= d6 {
+        return (c, [0.0, 0.0, 1.0], Feature::Corner(2));
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let w = d2 / (d2 - d6);
+        return (a + ac * w, [1.0 - w, 0.0, w], Feature::Edge(2));
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return (b + (c - b) * w, [0.0, 1.0 - w, w], Feature::Edge(1));
+    }
+    let inverse = 1.0 / (va + vb + vc);
+    let (v, w) = (vb * inverse, vc * inverse);
+    (a + ab * v + ac * w, [1.0 - v - w, v, w], Feature::Inside)
+}
+
+fn sort_in_space(samples: &[Sample]) -> Vec<Sample> {
+    let mut order: Vec<(u32, u32)> = samples.iter().zip(0..).map(|(s, i)| (spatial_key(s.position), i)).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, i)| samples[i as usize]).collect()
+}
+
+/// Position along a Morton curve through the unit frame, [-1, 1]³, in 1024 cells a side.
+fn spatial_key(position: Vec3) -> u32 {
+    let spread = |x: f32| {
+        let x = ((x + 1.0) * 512.0).clamp(0.0, 1023.0) as u32;
+        let x = (x | x << 16) & 0x0300_00ff;
+        let x = (x | x << 8) & 0x0300_f00f;
+        let x = (x | x << 4) & 0x030c_30c3;
+        (x | x << 2) & 0x0924_9249
+    };
+    spread(position.x) | spread(position.y) << 1 | spread(position.z) << 2
+}
+
+fn gather_faces(points: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; points + 1];
+    for &p in faces.iter().flatten() {
+        starts[p as usize + 1] += 1;
+    }
+    for p in 0..points {
+        starts[p + 1] += starts[p];
+    }
+    let mut next = starts.clone();
+    let mut around = vec![0; 3 * faces.len()];
+    for (f, face) in faces.iter().enumerate() {
+        for &p in face {
+            around[next[p as usize] as usize] = f as u32;
+            next[p as usize] += 1;
+        }
+    }
+    (starts, around)
+}

@@ -1,0 +1,55 @@
+//! The least squares problem of one point: where it should go so that closest points near it come nearer.
+
+use glam::{Mat3, Vec3};
+
+/// Pull to the old place, relative to the trace.
+const DAMPING: f32 = 0.02;
+
+/// Normal equations of Σ slope · (pull · step − distance)², `pull` being the direction to the closest point times the share by which that follows
+/// the step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Step {
+    /// xx, xy, xz, yy, yz, zz.
+    matrix: [f32; 6],
+    right: [f32; 3],
+}
+
+impl Step {
+    /// Adds sums of products: the six of the matrix, then the three of the right side.
+    pub fn add_sums(&mut self, sums: [f32; 9]) {
+        for (own, sum) in self.matrix.iter_mut().chain(&mut self.right).zip(sums) {
+            *own += sum;
+        }
+    }
+
+    /// Adds one place on the faces that follows the step by the share `lever` and should move by `residual`.
+    pub fn add(&mut self, residual: Vec3, lever: f32, slope: f32) {
+        let length = residual.length();
+        if length > 0.0 {
+            let p = residual * (lever / length);
+            let q = p * slope;
+            self.add_sums([
+                p.x * q.x,
+                p.x * q.y,
+                p.x * q.z,
+                p.y * q.y,
+                p.y * q.z,
+                p.z * q.z,
+                q.x * length,
+                q.y * length,
+                q.z * length,
+            ]);
+        }
+    }
+
+    /// The step, and the gain it promises.
+    pub fn solve(&self) -> Option<(Vec3, f32)> {
+        let [xx, xy, xz, yy, yz, zz] = self.matrix;
+        let pull = (xx + yy + zz) * DAMPING;
+        let matrix = Mat3::from_cols_array(&[xx + pull, xy, xz, xy, yy + pull, yz, xz, yz, zz + pull]);
+        let right = Vec3::from_array(self.right);
+        // Without any pull the matrix has no inverse.
+        let step = matrix.inverse() * right;
+        step.is_finite().then(|| (step, step.dot(right)))
+    }
+}
