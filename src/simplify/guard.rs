@@ -2,6 +2,7 @@
 
 use super::Refusals;
 use super::cost::{Candidate, Cost};
+use super::options::{Algorithm, Mode};
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
@@ -11,6 +12,8 @@ use glam::DVec3;
 const FLIP_COSINE: f64 = 0.2;
 /// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle.
 const NEEDLE_QUALITY: f64 = 0.16;
+/// The same for the papers' costs, which have no such rule: only what is degenerate. More would cost them distance.
+const PAPER_NEEDLE_QUALITY: f64 = 0.06;
 
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -122,8 +125,13 @@ pub(crate) fn check_topology(
     Ok(())
 }
 
-/// Checks the faces that survive: none may turn by more than the limit; with `needles`, none may become a worse needle than was there.
-pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needles: bool) -> Result<(), Cause> {
+/// Quality below which an algorithm takes a face for a needle.
+pub(crate) fn needle_quality(algorithm: Algorithm) -> f64 {
+    if algorithm == Algorithm::Esqem(Mode::Enhanced) { NEEDLE_QUALITY } else { PAPER_NEEDLE_QUALITY }
+}
+
+/// Checks the faces that survive: none may turn by more than the limit, none may become a worse needle than was there, of a quality below `needle`.
+pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needle: f64) -> Result<(), Cause> {
     let mut worst = f64::INFINITY;
     for &corner in &merge.spokes {
         let [p, q] = surface.opposite(corner).map(|p| surface.points[p as usize]);
@@ -142,7 +150,7 @@ pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, nee
         let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
         squared_quality((b - a).cross(c - a).length_squared(), edges) <= worst
     };
-    if needles && worst < NEEDLE_QUALITY * NEEDLE_QUALITY && !merge.corners(surface).any(is_worse) {
+    if worst < needle * needle && !merge.corners(surface).any(is_worse) {
         return Err(Cause::Needle);
     }
     Ok(())

@@ -5,7 +5,7 @@ use super::constraints::Constraints;
 use super::cost::{AtEnds, Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
 use super::fms::Fms;
-use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
+use super::guard::{Cause, Marks, check_remains, check_shape, check_topology, needle_quality};
 use super::melax::Melax;
 use super::options::{Algorithm, Mode, Options, Placement};
 use super::paper::Paper;
@@ -32,6 +32,8 @@ pub(crate) struct Reducer {
     /// Whether whole pieces may go: there are several.
     has_pieces: bool,
     constraints: Constraints,
+    /// Quality below which a face is a needle.
+    needle: f64,
     locked: Vec<bool>,
     /// Points on open borders.
     border: Vec<bool>,
@@ -73,6 +75,7 @@ impl Reducer {
             refusals: Refusals::default(),
             log: None,
             constraints,
+            needle: needle_quality(options.algorithm),
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
             irregular,
@@ -221,7 +224,7 @@ impl Reducer {
 
     fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
         check_remains(merge)?;
-        check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
+        check_shape(&self.surface, merge, candidate.position, if terms.paid { 0.0 } else { self.needle })?;
         if !terms.paid {
             check_topology(&self.surface, merge, &self.border, &mut self.marks)?;
             if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
