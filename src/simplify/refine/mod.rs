@@ -64,14 +64,8 @@ struct Budget {
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => Self { samples: 8.0, sweeps: 3, good: env("GOOD", 0.1), peaks: 0.1, thorough: true },
-            _ => Self {
-                samples: env("A_FACE", 4.0),
-                sweeps: env("SWEEPS", 1.0) as usize,
-                good: env("GOOD", 0.5),
-                peaks: env("SPOTS", 0.02),
-                thorough: env("THOR", 0.0) > 0.0,
-            },
+            Effort::Best => Self { samples: 8.0, sweeps: 3, good: 0.1, peaks: 0.1, thorough: true },
+            _ => Self { samples: 4.0, sweeps: 1, good: 0.5, peaks: 0.02, thorough: false },
         }
     }
 }
@@ -121,7 +115,7 @@ impl Refiner {
         peaks::lower_peaks(&mut level, &fixed, most, self.budget.thorough);
         let is = level.error(self.budget.thorough);
         if let Some(attributes) = &self.attributes {
-            attributes::look_up(&mut level, attributes, &fixed);
+            attributes::fit(&mut level, attributes, &fixed);
         }
         follow::move_anchors(level.surface, level.lists, &mut self.anchors);
         is.0 <= was.0 && is.1 <= was.1
@@ -185,6 +179,5 @@ fn nearest_sample_around(level: &Level, p: u32) -> Option<u32> {
     best.1
 }
 
-pub(crate) fn env(name: &str, default: f32) -> f32 {
-    std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default)
-}
+#[cfg(test)]
+mod tests;

@@ -54,7 +54,7 @@ pub(super) fn relocate(level: &mut Level, p: u32, manner: Manner) -> bool {
         }
         let mut after = level.appraise(&moved);
         let most = before.cost * (1.0 - LEAST_GAIN);
-        if after.turned > before.turned || after.cost > most {
+        if after.cost > most || !after.faces_like(&before) {
             continue;
         }
         let foot = level.look_back(new, foot.face);
