@@ -120,7 +120,7 @@ fn emit_half(bencher: Bencher, triangles: usize) {
     let asset = Asset::read(&file, directory.path(), &Limits::default()).expect("a sound file");
     let geometry = asset.geometry(0, &Limits::default()).expect("a mesh");
     let level = simplify_to_half(&geometry.mesh);
-    let levels = vec![LodLevel { mesh: level }];
+    let levels = vec![LodLevel { mesh: level, source_vertices: None }];
     let lods = [MeshLods { mesh: 0, geometry, levels, coverage: vec![0.5, 0.01], extras: json!({}) }];
     let options =
         emit::Options { layout: Layout::Append, naming: "{name}_LOD{level}".into(), existing: Existing::Keep };

@@ -31,7 +31,12 @@ pub(crate) struct Metric {
     terms: Vec<Term>,
     /// [`Self::stride`] numbers a wedge: area, covariance of what counts by length and by edge, mean gradient of each term.
     states: Vec<f32>,
+    /// The wedge of each point that has but one, else [`SEVERAL`].
+    only: Vec<u32>,
 }
+
+/// Stands for the wedge of a point that has more than one, or none.
+const SEVERAL: u32 = u32::MAX;
 
 #[derive(Debug, Clone, Copy)]
 struct Term {
@@ -66,7 +71,7 @@ impl Metric {
                 terms.extend(columns.map(|index| Term { index, weight: (weight * weight) as f32, by_edge }));
             }
         }
-        Self { terms, states: Vec::new() }
+        Self { terms, states: Vec::new(), only: Vec::new() }
     }
 
     /// Whether no attribute counts.
@@ -111,6 +116,8 @@ impl Metric {
             self.settle(state);
         });
         self.states = states;
+        let only = |point: usize| only_wedge(surface, point as u32);
+        (0..surface.points.len()).into_par_iter().with_min_len(4096).map(only).collect_into_vec(&mut self.only);
     }
 
     /// Looks at the faces around one point.
@@ -122,6 +129,7 @@ impl Metric {
         self.states.resize(surface.wedges.len() * stride, 0.0);
         let mut states = std::mem::take(&mut self.states);
         let wedges = distinct_wedges(surface, point);
+        self.only[point as usize] = if wedges.len() == 1 { wedges[0] } else { SEVERAL };
         for &wedge in &wedges {
             states[wedge as usize * stride..][..stride].fill(0.0);
         }
@@ -195,20 +203,40 @@ impl Metric {
         let [start, end] = [a, b].map(|p| surface.points[p as usize]);
         let (y, z) = ((position - start).as_vec3(), (position - end).as_vec3());
         let edge = start.distance_squared(end) as f32;
-        let sum = match (only_wedge(surface, a), only_wedge(surface, b)) {
-            (Some(wa), Some(wb)) => {
-                self.state(wa).spread(y, edge)
-                    + self.state(wb).spread(z, edge)
-                    + self.gap(surface, [wa, wb], y, z, edge)
-            }
-            _ => {
-                let merge = Merge::new(surface, a, b);
-                let spread = |point: u32, off: Vec3| -> f32 {
-                    distinct_wedges(surface, point).iter().map(|&w| self.state(w).spread(off, edge)).sum()
-                };
-                let gaps: f32 = merge.pairs.iter().map(|&(wa, wb)| self.gap(surface, [wa, wb], y, z, edge)).sum();
-                spread(a, y) + spread(b, z) + gaps
-            }
+        let [wa, wb] = [a, b].map(|p| self.only[p as usize]);
+        let sum = if wa != SEVERAL && wb != SEVERAL {
+            self.state(wa).spread(y, edge) + self.state(wb).spread(z, edge) + self.gap(surface, [wa, wb], y, z, edge)
+        } else {
+            let spread = |point: u32, off: Vec3| -> f32 {
+                distinct_wedges(surface, point).iter().map(|&w| self.state(w).spread(off, edge)).sum()
+            };
+            let pairs = Merge::new(surface, a, b).pairs;
+            let gaps: f32 = pairs.iter().map(|&pair| self.gap(surface, pair.into(), y, z, edge)).sum();
+            spread(a, y) + spread(b, z) + gaps
+        };
+        f64::from(sum.max(0.0))
+    }
+
+    /// What it costs in attributes that the point `goes` becomes `stays`, which keeps its values: area · length².
+    pub fn deviation_of_end(&self, surface: &Surface, stays: u32, goes: u32) -> f64 {
+        let off = (surface.points[stays as usize] - surface.points[goes as usize]).as_vec3();
+        let edge = off.length_squared();
+        let step = |kept: u32, gone: u32| {
+            let known = self.state(gone);
+            let (rk, rg) = (surface.wedges.row(kept), surface.wedges.row(gone));
+            let differences = self.terms.iter().enumerate().map(|(k, term)| {
+                let difference = rg[term.index] + known.gradient(k).dot(off) - rk[term.index];
+                term.weight_for(edge) * difference * difference
+            });
+            known.area() * differences.sum::<f32>()
+        };
+        let spread = |wedge: u32| self.state(wedge).spread(off, edge);
+        let [kept, gone] = [stays, goes].map(|p| self.only[p as usize]);
+        let sum = if kept != SEVERAL && gone != SEVERAL {
+            spread(gone) + step(kept, gone)
+        } else {
+            let spreads: f32 = distinct_wedges(surface, goes).into_iter().map(spread).sum();
+            spreads + Merge::new(surface, stays, goes).pairs.iter().map(|&(k, g)| step(k, g)).sum::<f32>()
         };
         f64::from(sum.max(0.0))
     }
@@ -305,11 +333,10 @@ fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
     wedges
 }
 
-/// The wedge of a point that has but one.
-fn only_wedge(surface: &Surface, point: u32) -> Option<u32> {
+fn only_wedge(surface: &Surface, point: u32) -> u32 {
     let mut wedges = surface.ring(point).iter().map(|&corner| surface.wedge_at(corner));
-    let first = wedges.next()?;
-    wedges.all(|wedge| wedge == first).then_some(first)
+    let first = wedges.next().unwrap_or(SEVERAL);
+    if wedges.all(|wedge| wedge == first) { first } else { SEVERAL }
 }
 
 /// A unit normal that turns by δ over an edge of length L hides a shape error of about δ·L/8.

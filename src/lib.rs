@@ -15,11 +15,18 @@ pub mod mesh;
 #[allow(dead_code)]
 mod meshoptimizer;
 pub mod pipeline;
+pub mod predictor;
 pub mod preset;
+mod progressive;
+mod random;
 pub mod report;
+mod shapes;
 pub mod simplify;
 
 pub use error::{Error, Kind, Result};
-pub use pipeline::{BuildOptions, Observer, Unobserved, build, compare, inspect};
+pub use pipeline::{
+    BuildOptions, Clock, Observer, PapersOptions, ProgressiveOptions, RebuildOptions, TrainOptions, TrainOutcome,
+    Unobserved, build, compare, inspect, papers, progressive, rebuild, train_w,
+};
 pub use report::Report;
 pub use simplify::simplify;

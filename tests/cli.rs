@@ -349,3 +349,48 @@ fn help_teaches() {
     assert!(help.contains("Examples:") && help.contains("Exit codes:"), "{help}");
     assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").is_dir());
 }
+
+#[test]
+fn the_predictor_is_trained_again_bit_for_bit() {
+    let place = Place::new();
+    let told = place.expect(0, "train-w in/gear.glb --generated 1 --reductions 4 -o w.json --samples s.csv").stdout;
+    assert!(told.contains("8 samples of 2 models") && told.contains("3-4-5"), "{told}");
+    let weights: Value = serde_json::from_slice(&place.read("w.json")).expect("JSON");
+    let command = "gltf-lod train-w in/gear.glb --generated 1 --reductions 4 --seed 1 -o w.json --samples s.csv";
+    assert_eq!(weights["command"], command);
+    let (first, samples) = (place.read("w.json"), place.read("s.csv"));
+    place.expect(0, command.strip_prefix("gltf-lod ").expect("the command"));
+    assert!(place.read("w.json") == first && place.read("s.csv") == samples);
+
+    place.expect(0, "train-w --from-samples s.csv -o again.json -q");
+    let again: Value = serde_json::from_slice(&place.read("again.json")).expect("JSON");
+    assert!(again["net"] == weights["net"] && again["shape_net"] == weights["shape_net"]);
+
+    place.add("bad.csv", &[&samples[..], b"gear,1,2,x\n"].concat());
+    for (code, arguments, named) in [
+        (2, "train-w -o w.json", "--generated"),
+        (3, "train-w gone.glb -o w.json", "gone.glb"),
+        (3, "train-w --from-samples bad.csv -o w.json", "line 10"),
+        (2, "train-w --from-samples s.csv --generated 3 -o w.json", "cannot be used"),
+    ] {
+        let told = place.expect(code, arguments).stderr;
+        assert!(told.contains(named), "{arguments}\n{told}");
+    }
+    assert!(place.read("w.json") == first, "what failed has written nothing");
+}
+
+#[test]
+fn papers_are_compared_with_stand_ins_that_prove_nothing() {
+    let place = Place::new();
+    let told = place.expect(0, "papers --most-triangles 6000 --runs 1 -q").stdout;
+    for part in ["cow (made)", "0.024733", "left out as too large: bunny", "not measured", "dragon (paper)"] {
+        assert!(told.contains(part), "{part}\n{told}");
+    }
+    place.add("models/cow.glb", &place.read("in/gear.glb"));
+    let found = place.expect(0, "papers --models models --most-triangles 6000 --runs 1 --json").stdout;
+    let found: Value = serde_json::from_str(&found).expect("JSON");
+    assert_eq!(found["speeds"][0]["subject"]["stands_in"], false);
+    assert_eq!(found["qfvp"][0]["published"][2], 0.020492);
+    let claims = items(&found["claims"]);
+    assert!(claims.len() >= 10 && claims.iter().any(|claim| claim["holds"].is_boolean()), "{found}");
+}

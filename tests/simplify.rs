@@ -5,6 +5,15 @@ use gltf_lod::simplify::{Algorithm, EdgePolicy, Mode, Options, Schedule, Stop, T
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
+const ALGORITHMS: [Algorithm; 6] = [
+    Algorithm::Esqem(Mode::Enhanced),
+    Algorithm::Esqem(Mode::Paper),
+    Algorithm::Qem,
+    Algorithm::Qfvp,
+    Algorithm::Fms,
+    Algorithm::Melax,
+];
+
 /// A bumpy closed sphere: `rings` × `2·rings` quads with poles; one vertex a position.
 fn sphere(rings: u32, bump: f32) -> Mesh {
     let columns = 2 * rings;
@@ -138,8 +147,8 @@ fn check_levels(source: &Mesh, options: &Options) {
 #[test]
 fn a_closed_surface_stays_closed_and_reaches_its_targets() {
     let source = sphere(24, 0.1);
-    for schedule in [Schedule::Passes, Schedule::Queue] {
-        for algorithm in [Algorithm::Esqem(Mode::Enhanced), Algorithm::Esqem(Mode::Paper), Algorithm::Qem] {
+    for schedule in [Schedule::Passes, Schedule::Queue, Schedule::Vertices] {
+        for algorithm in ALGORITHMS {
             let options = Options { schedule, algorithm, ..options(&[0.5, 0.25, 0.1, 0.02]) };
             let chain = simplify(&source, &options).expect("valid");
             for (level, ratio) in chain.levels.iter().zip([0.5, 0.25, 0.1, 0.02]) {
@@ -240,7 +249,7 @@ fn pieces_of_one_size_all_stay() {
         mesh.positions.extend(ball.positions.iter().map(|p| [p[0] + 4.0 * i as f32, p[1], p[2]]));
         mesh.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + base)));
     }
-    for algorithm in [Algorithm::Esqem(Mode::Enhanced), Algorithm::Esqem(Mode::Paper), Algorithm::Qem] {
+    for algorithm in ALGORITHMS {
         let chain = simplify(&mesh, &Options { algorithm, ..options(&[0.5, 0.2]) }).expect("valid");
         for level in &chain.levels {
             let pieces: BTreeSet<i32> = level.mesh.positions.iter().map(|p| (p[0] / 4.0).round() as i32).collect();
@@ -291,9 +300,8 @@ fn bad_meshes_are_refused_with_a_reason() {
 
 fn any_options() -> impl Strategy<Value = Options> {
     let policy = prop_oneof![Just(EdgePolicy::Free), Just(EdgePolicy::Preserve), Just(EdgePolicy::Lock)];
-    let algorithm =
-        prop_oneof![Just(Algorithm::Esqem(Mode::Enhanced)), Just(Algorithm::Esqem(Mode::Paper)), Just(Algorithm::Qem)];
-    let schedule = prop_oneof![Just(Schedule::Passes), Just(Schedule::Queue)];
+    let algorithm = prop::sample::select(&ALGORITHMS[..]);
+    let schedule = prop::sample::select(&[Schedule::Passes, Schedule::Queue, Schedule::Vertices][..]);
     (algorithm, schedule, policy.clone(), policy.clone(), policy, 0.02..0.9f64).prop_map(
         |(algorithm, schedule, border, seam, material_border, ratio)| Options {
             algorithm,

@@ -73,8 +73,10 @@ if (outputs === undefined) {
 const validator = loadValidator();
 let [judged, missing, worse] = [0, 0, 0];
 for (const name of assetsBelow(sources)) {
-  const [source, output] = [join(sources, name), join(outputs, name)];
-  if (!existsSync(output)) {
+  const source = join(sources, name);
+  // Progressive files are GLBs whatever their source is.
+  const output = [name, name.replace(/\.gltf$/i, ".glb")].map((file) => join(outputs, file)).find(existsSync);
+  if (output === undefined) {
     console.log(`${name}: no output`);
     missing += 1;
     continue;

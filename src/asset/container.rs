@@ -40,6 +40,8 @@ pub(crate) struct Unpacked {
     pub container: Container,
     pub json: Vec<u8>,
     pub bin: Option<Vec<u8>>,
+    /// Whether a GLB promises more bytes than there are.
+    pub ends_early: bool,
     pub warnings: Vec<Error>,
 }
 
@@ -59,7 +61,29 @@ impl Container {
             return unpack_glb(bytes);
         }
         let nothing = Vec::new();
-        Ok(Unpacked { container: Self::Gltf, json: bytes, bin: None, warnings: nothing })
+        Ok(Unpacked { container: Self::Gltf, json: bytes, bin: None, ends_early: false, warnings: nothing })
+    }
+
+    /// As [`Container::unpack`], but the BIN chunk of a GLB may end early, or not have begun.
+    pub(crate) fn unpack_prefix(mut bytes: Vec<u8>) -> Result<Unpacked> {
+        let promised = read_u32(&bytes, 8).unwrap_or(0) as usize;
+        if !bytes.starts_with(&MAGIC) || promised <= bytes.len() {
+            return Self::unpack(bytes);
+        }
+        // The lengths are made those of what is there; a chunk header without a chunk goes.
+        let last = find_last_chunk(&bytes)?;
+        let data = last + CHUNK_HEADER;
+        let end = if data > bytes.len() { last } else { bytes.len() };
+        bytes.truncate(end);
+        let total = length_field(end as u64)?;
+        if let Some(field) = bytes.get_mut(8..12) {
+            field.copy_from_slice(&total.to_le_bytes());
+        }
+        let left = length_field(end.saturating_sub(data) as u64)?;
+        if let Some(field) = bytes.get_mut(last..last + 4) {
+            field.copy_from_slice(&left.to_le_bytes());
+        }
+        Ok(Unpacked { ends_early: true, ..unpack_glb(bytes)? })
     }
 
     /// Puts a file together again: the unknown chunks go where they were, and everything is padded to 4 bytes.
@@ -128,7 +152,7 @@ fn unpack_glb(mut bytes: Vec<u8>) -> Result<Unpacked> {
         bytes.drain(..span.data.start);
         bytes
     });
-    Ok(Unpacked { container: Container::Glb { others }, json, bin, warnings })
+    Ok(Unpacked { container: Container::Glb { others }, json, bin, ends_early: false, warnings })
 }
 
 /// Checks the header and gives the end of the GLB within `bytes`.
@@ -154,6 +178,24 @@ fn read_header(bytes: &[u8], warnings: &mut Vec<Error>) -> Result<usize> {
         warnings.push(at_byte(length, message));
     }
     Ok(length)
+}
+
+/// Where the chunk that the file ends in begins, which must not be the first: without all of the JSON nothing is known.
+fn find_last_chunk(bytes: &[u8]) -> Result<usize> {
+    let mut at = HEADER;
+    loop {
+        let length = read_u32(bytes, at).map_or(u64::from(u32::MAX), u64::from);
+        let next = at as u64 + CHUNK_HEADER as u64 + length;
+        if next > bytes.len() as u64 || next == bytes.len() as u64 && at > HEADER {
+            break;
+        }
+        at = next as usize;
+    }
+    if at == HEADER {
+        let error = at_byte(bytes.len(), "the file ends before its JSON does".to_owned());
+        return Err(error.help("the file is truncated: export or copy it again"));
+    }
+    Ok(at)
 }
 
 fn find_chunks(bytes: &[u8], end: usize) -> Result<Vec<Span>> {

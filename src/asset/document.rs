@@ -96,6 +96,17 @@ impl Document {
         }
     }
 
+    /// Takes the name out of `extensionsUsed`, and the list when it was the only one.
+    pub(crate) fn remove_extension_used(&mut self, name: &str) {
+        let Some(root) = self.object("") else { return };
+        if let Some(Value::Array(used)) = root.get_mut("extensionsUsed") {
+            used.retain(|used| used != name);
+            if used.is_empty() {
+                root.shift_remove("extensionsUsed");
+            }
+        }
+    }
+
     /// The JSON text, in the style of the source.
     pub(crate) fn to_json(&self) -> Vec<u8> {
         let Some(indent) = &self.indent else { return self.root.to_string().into_bytes() };

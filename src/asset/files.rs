@@ -36,9 +36,13 @@ fn read_start(path: &Path, length: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Takes the file apart and parses its JSON.
-pub(super) fn parse(path: &Path, limits: &Limits) -> Result<(Unpacked, Document)> {
-    let mut unpacked = Container::unpack(read_file(path, limits)?)?;
+/// Takes the file apart by `unpack` and parses its JSON.
+pub(super) fn parse(
+    path: &Path,
+    limits: &Limits,
+    unpack: fn(Vec<u8>) -> Result<Unpacked>,
+) -> Result<(Unpacked, Document)> {
+    let mut unpacked = unpack(read_file(path, limits)?)?;
     let json = std::mem::take(&mut unpacked.json);
     let mut text = json.as_slice();
     if let Some(rest) = text.strip_prefix(b"\xEF\xBB\xBF") {

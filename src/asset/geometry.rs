@@ -42,10 +42,23 @@ pub struct PrimitiveLayout {
     pub primitive: usize,
     /// Its vertices in the plain mesh: those elements of its accessors that its triangles use.
     pub vertices: std::ops::Range<u32>,
+    /// The element of its accessors that each of those vertices is, ascending; `None` if they are all elements in order.
+    pub elements: Option<Vec<u32>>,
     /// Its attributes, in the document's order, `POSITION` among them.
     pub attributes: Vec<AttributeLayout>,
     /// Its morph targets' attributes.
     pub targets: Vec<Vec<AttributeLayout>>,
+}
+
+impl PrimitiveLayout {
+    /// The element of its accessors that a vertex of the plain mesh, one of [`Self::vertices`], is.
+    pub fn element(&self, vertex: u32) -> u32 {
+        let index = vertex.saturating_sub(self.vertices.start);
+        match &self.elements {
+            Some(elements) => elements.get(index as usize).copied().unwrap_or(index),
+            None => index,
+        }
+    }
 }
 
 /// How one attribute was stored.
@@ -164,8 +177,8 @@ impl Shape {
     }
 }
 
-/// The triangle primitives of `meshes[index]`.
-pub(super) fn read(asset: &Asset, index: usize, limits: &Limits) -> Result<Geometry> {
+/// The triangle primitives of `meshes[index]`; `balance` puts their weights right.
+pub(super) fn read(asset: &Asset, index: usize, balance: bool, limits: &Limits) -> Result<Geometry> {
     let root = asset.document.root();
     let Some(mesh) = Cursor::top(root, "meshes", index) else {
         return Err(Error::new(Kind::Internal, format!("there is no meshes[{index}]")));
@@ -180,7 +193,7 @@ pub(super) fn read(asset: &Asset, index: usize, limits: &Limits) -> Result<Geome
     }
     let skinned = parts.iter().flat_map(|part| &part.attributes).any(|source| source.name.starts_with("JOINTS_"));
     let joints = if skinned { find_joints(&asset.document, index) } else { None };
-    let mut geometry = merge(&parts, passed_over, joints, limits)?;
+    let mut geometry = merge(&parts, passed_over, joints, balance, limits)?;
     geometry.warnings = geometry.warnings.into_iter().map(|warning| warning.in_file(&asset.path)).collect();
     Ok(geometry)
 }

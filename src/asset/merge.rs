@@ -154,15 +154,18 @@ struct Merger<'a> {
     vertex_bytes: u64,
     limits: &'a Limits,
     joints: Option<Joints>,
+    /// Whether weights are put right.
+    balance: bool,
     assembler: Assembler,
     geometry: Geometry,
 }
 
-/// Merges `parts` in order.
+/// Merges `parts` in order; `balance` puts their weights right.
 pub(super) fn merge(
     parts: &[Part],
     passed_over: Vec<PassedOver>,
     joints: Option<Joints>,
+    balance: bool,
     limits: &Limits,
 ) -> Result<Geometry> {
     let mut plan = Plan::of(parts);
@@ -171,7 +174,7 @@ pub(super) fn merge(
     let skin = (influences > 0).then(|| Skin { influences, ..Skin::default() });
     let mesh = Mesh { attributes: std::mem::take(&mut plan.attributes), skin, ..Mesh::default() };
     let geometry = Geometry { mesh, primitives: Vec::new(), passed_over, warnings: Vec::new() };
-    let mut merger = Merger { plan, vertex_bytes, limits, joints, assembler: Assembler::default(), geometry };
+    let mut merger = Merger { plan, vertex_bytes, limits, joints, balance, assembler: Assembler::default(), geometry };
     for part in parts {
         merger.append(part)?;
     }
@@ -215,6 +218,7 @@ impl Merger<'_> {
         self.geometry.primitives.push(PrimitiveLayout {
             primitive: part.primitive,
             vertices: first..mesh.positions.len() as u32,
+            elements: faces.used,
             attributes: layouts(None, &part.attributes),
             targets: part.targets.iter().enumerate().map(|(t, sources)| layouts(Some(t), sources)).collect(),
         });
@@ -316,7 +320,7 @@ impl Merger<'_> {
         for (vertex, (joints, weights)) in
             joints.chunks_exact_mut(width).zip(weights.chunks_exact_mut(width)).enumerate()
         {
-            unmoved += usize::from(!balance(joints, weights));
+            unmoved += usize::from(self.balance && !balance(joints, weights));
             let largest = joints.iter().copied().max().map_or(0, usize::from);
             if let Some(bound) = self.joints.filter(|bound| largest >= bound.count) {
                 let vertex = faces.element(vertex);

@@ -14,12 +14,14 @@ mod files;
 mod geometry;
 mod merge;
 mod primitive;
+mod progressive;
 mod scene;
 mod uri;
 
 pub use container::{Chunk, Container};
 pub use document::Document;
 pub use geometry::{AttributeLayout, Channel, Component, Geometry, PassedOver, PrimitiveLayout, Shape};
+pub use progressive::{PROGRESSIVE, Progressive, ProgressiveGroup, RecordChunk, RowAttribute};
 pub use scene::{MeshUse, Scene};
 
 use crate::error::{Error, Result};
@@ -81,8 +83,34 @@ impl Asset {
         Self::read_checked(path, root, limits).map_err(|error| error.in_file(path))
     }
 
+    /// As [`Asset::read`]; of a GLB that ends early, records of progressive meshes may be missing. Tells whether it ends early.
+    ///
+    /// # Errors
+    /// Every problem names the file and the JSON pointer; [`Kind::Malformed`](crate::Kind::Malformed) where more than records is missing.
+    pub fn read_prefix(path: &Path, root: &Path, limits: &Limits) -> Result<(Self, bool)> {
+        let read = || {
+            let (unpacked, mut document) = files::parse(path, limits, Container::unpack_prefix)?;
+            let ends_early = unpacked.ends_early;
+            if ends_early {
+                progressive::fit_to_prefix(&mut document, unpacked.bin.as_ref().map_or(0, Vec::len))?;
+            }
+            Ok((Self::check_and_load(path, root, limits, unpacked, document)?, ends_early))
+        };
+        read().map_err(|error: Error| error.in_file(path))
+    }
+
     fn read_checked(path: &Path, root: &Path, limits: &Limits) -> Result<Self> {
-        let (mut unpacked, document) = files::parse(path, limits)?;
+        let (unpacked, document) = files::parse(path, limits, Container::unpack)?;
+        Self::check_and_load(path, root, limits, unpacked, document)
+    }
+
+    fn check_and_load(
+        path: &Path,
+        root: &Path,
+        limits: &Limits,
+        mut unpacked: container::Unpacked,
+        document: Document,
+    ) -> Result<Self> {
         let findings = check::check(document.root());
         if let Some(problem) = join_problems(findings.problems) {
             return Err(problem);
@@ -104,7 +132,15 @@ impl Asset {
     /// # Errors
     /// Bad data inside the accessors: an index out of range, a position that is not finite.
     pub fn geometry(&self, index: usize, limits: &Limits) -> Result<Geometry> {
-        geometry::read(self, index, limits).map_err(|error| error.in_file(&self.path))
+        geometry::read(self, index, true, limits).map_err(|error| error.in_file(&self.path))
+    }
+
+    /// As [`Asset::geometry`], but with joints and weights as the file has them: weights may sum to anything.
+    ///
+    /// # Errors
+    /// As [`Asset::geometry`].
+    pub fn stored_geometry(&self, index: usize, limits: &Limits) -> Result<Geometry> {
+        geometry::read(self, index, false, limits).map_err(|error| error.in_file(&self.path))
     }
 
     /// Nodes, their transforms, what animates them and what draws which mesh.

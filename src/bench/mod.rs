@@ -18,7 +18,7 @@ use crate::asset::Limits;
 use crate::baseline::{Prepared, Settings};
 use crate::error::{Error, Kind, Result};
 use crate::pipeline::{BuildOptions, Observer, Subject, visit_subjects};
-use crate::preset::Flags;
+use crate::preset::{Flags, Maker};
 use crate::simplify::simplify;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -133,6 +133,10 @@ fn measure_mesh(
     options: &BenchOptions,
     instruments: &dyn Instruments,
 ) -> Result<MeshBench> {
+    if subject.settings.maker == Maker::Meshopt {
+        let error = Error::new(Kind::Preset, "`algorithm = \"meshopt\"` would be compared with itself");
+        return Err(error.help("choose one of our own algorithms"));
+    }
     let source = &subject.geometry.mesh;
     let mut chain = None;
     let peak = instruments.peak_memory(&mut || chain = Some(simplify(source, &subject.options)));

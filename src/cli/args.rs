@@ -62,6 +62,15 @@ pub enum Command {
     /// mean that ours is nearer.
     #[command(after_help = EXIT_CODES)]
     Compare(Compare),
+    /// Make the meshes of a file progressive: coarse at first, finer with every byte that follows
+    ///
+    /// Writes one GLB. Any viewer shows the coarse base; gltf-lod rebuild and js/gltf-lod-progressive.mjs make any resolution of it up to the
+    /// source's own triangles, from as much of the file as there is (extension GLTFLOD_mesh_progressive).
+    #[command(after_help = EXIT_CODES)]
+    Progressive(Progressive),
+    /// Make a plain file of any resolution from a progressive one
+    #[command(after_help = EXIT_CODES)]
+    Rebuild(Rebuild),
     /// Time our chains against meshoptimizer's and measure both
     ///
     /// Every mesh that `build` would make levels of: time from mesh to all levels, memory, and at equal triangle counts the distances,
@@ -72,6 +81,19 @@ pub enum Command {
     Init(Init),
     /// List the built-in presets
     Presets,
+    /// Train the net that chooses QFVP's w (`qfvp_w = "auto"`)
+    ///
+    /// Reduces models by random ratios with w = 0, 0.5, 1, 1.5 and 2, measures what is left, and trains two small neural nets to name the best w:
+    /// one that goes by triangle counts, as in the paper, and one that also looks at the shape. The weights in config/ are compiled in: build
+    /// again after training.
+    #[command(after_help = EXIT_CODES)]
+    TrainW(TrainW),
+    /// Make the tables of the papers behind the algorithms again, and check their claims
+    ///
+    /// Reduces the papers' models (cow.glb and stanford-bunny.glb in DIR, and spot.glb, fandisk.glb and rocker-arm.glb) with each algorithm in
+    /// its paper's order, and prints our figures beside theirs. Made models stand in for the papers' where they are missing.
+    #[command(after_help = EXIT_CODES)]
+    Papers(Papers),
 }
 
 #[derive(Debug, Args)]
@@ -123,6 +145,78 @@ pub struct Compare {
 }
 
 #[derive(Debug, Args)]
+pub struct Progressive {
+    /// A .glb or .gltf file
+    pub file: PathBuf,
+    /// The .glb to write
+    #[arg(short, long, value_name = "OUT.glb")]
+    pub output: PathBuf,
+    /// Triangles of the base as a share of the source's
+    #[arg(long, value_name = "RATIO", default_value_t = 0.05)]
+    pub base: f64,
+    /// A preset file that goes over all gltf-lod.toml files
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// A built-in preset (see `gltf-lod presets`) or one that a preset file defines
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Algorithm that says in which order edges collapse
+    #[arg(long, value_name = "NAME")]
+    pub algorithm: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each processor]; the results are the same for any number
+    #[arg(short, long, value_name = "N", value_parser = parse_jobs)]
+    pub jobs: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub struct Rebuild {
+    /// A file that gltf-lod progressive has written, or the beginning of one
+    pub file: PathBuf,
+    /// The .glb to write
+    #[arg(short, long, value_name = "OUT.glb")]
+    pub output: PathBuf,
+    /// Triangles of all progressive meshes together [default: all there are]
+    #[arg(long, value_name = "N")]
+    pub triangles: Option<usize>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each processor]; the results are the same for any number
+    #[arg(short, long, value_name = "N", value_parser = parse_jobs)]
+    pub jobs: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub struct TrainW {
+    /// .glb or .gltf files; each of their meshes is a model
+    #[arg(value_name = "MESHES")]
+    pub meshes: Vec<PathBuf>,
+    /// Models made by formulas, besides the files
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub generated: usize,
+    /// Random reductions of each model
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    pub reductions: usize,
+    /// What random numbers start from
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// The weights, as JSON
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Write the labelled samples too, as CSV
+    #[arg(long, value_name = "FILE")]
+    pub samples: Option<PathBuf>,
+    /// Train with the samples of an earlier run instead of labelling
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["meshes", "generated", "samples"])]
+    pub from_samples: Option<PathBuf>,
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+#[derive(Debug, Args)]
 pub struct Bench {
     /// .glb or .gltf files, and directories that are walked for them
     #[arg(required = true, value_name = "FILE")]
@@ -137,6 +231,25 @@ pub struct Bench {
     pub json: bool,
     #[command(flatten)]
     pub run: RunArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct Papers {
+    /// Directory with the models
+    #[arg(long, value_name = "DIR")]
+    pub models: Option<PathBuf>,
+    /// Runs of which the fastest counts
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub runs: usize,
+    /// Leave out models with more triangles
+    #[arg(long, value_name = "N", default_value_t = usize::MAX, hide_default_value = true)]
+    pub most_triangles: usize,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Print errors only
+    #[arg(short, long)]
+    pub quiet: bool,
 }
 
 #[derive(Debug, Args)]
@@ -160,7 +273,7 @@ pub struct PresetArgs {
     /// Levels as shares of the source's triangles, e.g. 0.5,0.25,0.125
     #[arg(long, value_name = "RATIOS", value_delimiter = ',')]
     levels: Option<Vec<f64>>,
-    /// Algorithm
+    /// esqem, qem, qfvp, fms, melax or meshopt
     #[arg(long, value_name = "NAME")]
     algorithm: Option<String>,
     /// Time for quality: fast, default or best

@@ -1,15 +1,16 @@
 //! Commands: from arguments to library calls, output and exit code.
 
-use super::args::{Bench, Build, Cli, Command, Compare, Init, Inspect};
+use super::args::{Bench, Build, Cli, Command, Compare, Init, Inspect, Papers, Progressive, Rebuild, TrainW};
 use super::instruments::Process;
 use super::progress::{Progress, write_line};
 use anyhow::Context;
 use clap::Parser;
 use gltf_lod::asset::Limits;
-use gltf_lod::bench::{BenchOptions, describe_bench};
+use gltf_lod::bench::{BenchOptions, Instruments, describe_bench};
 use gltf_lod::emit::{self, Content, Output, OutputFile};
+use gltf_lod::preset::{self, Flags};
 use gltf_lod::report::{self, Detail, Outcome, Report};
-use gltf_lod::{BuildOptions, Error, Kind, preset};
+use gltf_lod::{BuildOptions, Error, Kind, PapersOptions, ProgressiveOptions, RebuildOptions, TrainOptions};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -29,9 +30,13 @@ pub fn run(cli: &Cli) -> ExitCode {
         Command::Build(args) => build(args),
         Command::Inspect(args) => inspect(args),
         Command::Compare(args) => compare(args),
+        Command::Progressive(args) => progressive(args),
+        Command::Rebuild(args) => rebuild(args),
         Command::Bench(args) => bench(args),
         Command::Init(args) => init(args),
         Command::Presets => list_presets(),
+        Command::TrainW(args) => train_w(args),
+        Command::Papers(args) => papers(args),
     };
     ExitCode::from(result.unwrap_or_else(|error| report_failure(&error)))
 }
@@ -109,6 +114,49 @@ fn compare(args: &Compare) -> anyhow::Result<u8> {
     Ok(0)
 }
 
+fn progressive(args: &Progressive) -> anyhow::Result<u8> {
+    let flags = Flags {
+        config: args.config.clone(),
+        preset: args.preset.clone(),
+        algorithm: args.algorithm.clone(),
+        ..Flags::default()
+    };
+    let options = ProgressiveOptions {
+        input: args.file.clone(),
+        output: args.output.clone(),
+        base: args.base,
+        flags,
+        limits: Limits::default(),
+        jobs: args.jobs,
+    };
+    let report = gltf_lod::progressive(&options)?;
+    report.warnings.iter().for_each(|warning| write_line(&format!("warning: {warning}")));
+    if args.json {
+        print_json(&report)?
+    } else {
+        print(&report::describe_progressive(&report))?
+    }
+    Ok(0)
+}
+
+fn rebuild(args: &Rebuild) -> anyhow::Result<u8> {
+    let options = RebuildOptions {
+        input: args.file.clone(),
+        output: args.output.clone(),
+        triangles: args.triangles,
+        limits: Limits::default(),
+        jobs: args.jobs,
+    };
+    let report = gltf_lod::rebuild(&options)?;
+    report.warnings.iter().for_each(|warning| write_line(&format!("warning: {warning}")));
+    if args.json {
+        print_json(&report)?
+    } else {
+        print(&report::describe_rebuild(&report))?
+    }
+    Ok(0)
+}
+
 fn bench(args: &Bench) -> anyhow::Result<u8> {
     keep_panics_quiet(args.run.verbose);
     let options = BenchOptions {
@@ -145,6 +193,64 @@ fn init(args: &Init) -> anyhow::Result<u8> {
 fn list_presets() -> anyhow::Result<u8> {
     for preset in preset::list() {
         print(&format!("{:10} {}\n{:10} levels: {}\n", preset.name, preset.description, "", preset.levels))?;
+    }
+    Ok(0)
+}
+
+fn train_w(args: &TrainW) -> anyhow::Result<u8> {
+    let read = |file: &Path| std::fs::read_to_string(file).map_err(|error| Error::io(file, &error));
+    let options = TrainOptions {
+        meshes: args.meshes.clone(),
+        generated: args.generated,
+        reductions: args.reductions,
+        seed: args.seed,
+        samples: args.from_samples.as_deref().map(read).transpose()?,
+        command: describe_training_command(args),
+        limits: Limits::default(),
+        jobs: args.run.jobs,
+    };
+    let progress = Progress::new(args.run.quiet);
+    let outcome = gltf_lod::train_w(&options, &progress);
+    progress.finish();
+    let outcome = outcome?;
+    write_file(&args.output, outcome.weights.to_text())?;
+    if let Some(file) = &args.samples {
+        write_file(file, outcome.samples)?;
+    }
+    if !args.run.quiet {
+        print(&report::describe_training(&outcome.report))?;
+    }
+    Ok(0)
+}
+
+/// The command as it would be typed again: what decides about the result, and where it goes.
+fn describe_training_command(args: &TrainW) -> String {
+    let mut words = vec!["gltf-lod train-w".to_owned()];
+    words.extend(args.meshes.iter().map(|file| file.display().to_string()));
+    words.extend((args.generated > 0).then(|| format!("--generated {}", args.generated)));
+    words.extend((args.reductions != 40).then(|| format!("--reductions {}", args.reductions)));
+    words.push(format!("--seed {} -o {}", args.seed, args.output.display()));
+    words.extend(args.samples.iter().map(|file| format!("--samples {}", file.display())));
+    words.extend(args.from_samples.iter().map(|file| format!("--from-samples {}", file.display())));
+    words.join(" ")
+}
+
+fn papers(args: &Papers) -> anyhow::Result<u8> {
+    let options = PapersOptions {
+        models: args.models.clone(),
+        runs: args.runs,
+        most_triangles: args.most_triangles,
+        limits: Limits::default(),
+    };
+    let process = Process::start();
+    let progress = Progress::new(args.quiet || args.json);
+    let found = gltf_lod::papers(&options, &|| process.cpu(), &progress);
+    progress.finish();
+    let found = found?;
+    if args.json {
+        print_json(&found)?;
+    } else {
+        print(&report::describe_papers(&found))?;
     }
     Ok(0)
 }

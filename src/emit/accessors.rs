@@ -1,7 +1,7 @@
 //! A level as bytes: its buffer views, its accessors, and which primitive uses which.
 //!
 //! All vertex attributes of a level that have the same stride share one buffer view, all its indices another.
-//! Attributes start at multiples of 4 bytes, as glTF asks.
+//! Attributes start at multiples of 4 bytes, as glTF asks. A level of source vertices has indices only.
 
 use super::storage::{Storage, level_storage};
 use crate::asset::{AttributeLayout, Channel, Component, Geometry, PrimitiveLayout, Shape};
@@ -20,6 +20,8 @@ pub(super) struct EncodedLevel {
     pub accessors: Vec<AccessorDraft>,
     /// Primitives that have triangles left, in the source's order.
     pub primitives: Vec<PrimitiveDraft>,
+    /// Bytes that vertices of its own would have taken.
+    pub bytes_saved: usize,
 }
 
 #[derive(Debug)]
@@ -43,6 +45,8 @@ pub(super) struct PrimitiveDraft {
     /// `meshes[m].primitives[source]` is the primitive it is a level of.
     pub source: usize,
     pub indices: usize,
+    /// Attributes and morph targets are those of the primitive it is a level of; those below are empty.
+    pub shares_vertices: bool,
     pub attributes: Vec<(String, usize)>,
     pub targets: Vec<Vec<(String, usize)>>,
 }
@@ -50,14 +54,60 @@ pub(super) struct PrimitiveDraft {
 /// Encodes a level. It is rounded to storage already; triangles are put in vertex-cache order, vertices in order of
 /// first use, unused ones are left out, and so are groups without triangles.
 pub(super) fn encode_level(level: &Mesh, geometry: &Geometry) -> EncodedLevel {
+    encode_groups(level, geometry, Group::ordered_for_gpu)
+}
+
+/// As [`encode_level`], but triangles keep their order, and vertices that of their first use.
+pub(super) fn encode_in_order(level: &Mesh, geometry: &Geometry) -> EncodedLevel {
+    encode_groups(level, geometry, |group| group)
+}
+
+fn encode_groups(level: &Mesh, geometry: &Geometry, order: impl Fn(Group) -> Group) -> EncodedLevel {
     let mut encoder = Encoder::default();
     let mut primitives = Vec::new();
     for (primitive, group) in geometry.primitives.iter().zip(split_groups(level, geometry.primitives.len())) {
         if !group.triangles.is_empty() {
-            primitives.push(encoder.encode_primitive(level, geometry, primitive, &group.ordered_for_gpu()));
+            primitives.push(encoder.encode_primitive(level, geometry, primitive, &order(group)));
         }
     }
     encoder.finish(primitives)
+}
+
+/// Encodes a level whose vertices are those of the source's plain mesh that `vertices` names. Triangles are put in vertex-cache order.
+pub(super) fn encode_indices_only(level: &Mesh, vertices: &[u32], geometry: &Geometry) -> EncodedLevel {
+    let mut encoder = Encoder::default();
+    let (mut primitives, mut bytes_saved) = (Vec::new(), 0);
+    let groups = split_groups(level, geometry.primitives.len()).into_iter().map(Group::ordered_for_gpu);
+    for (primitive, group) in geometry.primitives.iter().zip(groups) {
+        if group.triangles.is_empty() {
+            continue;
+        }
+        let element = |own: u32| primitive.element(vertices[group.vertices[own as usize] as usize]);
+        let triangles: Vec<[u32; 3]> = group.triangles.iter().map(|t| t.map(element)).collect();
+        let last = triangles.as_flattened().iter().max().map_or(0, |&last| last as usize);
+        let indices = encoder.encode_indices(&triangles, last + 1);
+        let (attributes, targets) = Default::default();
+        primitives.push(PrimitiveDraft {
+            source: primitive.primitive,
+            indices,
+            shares_vertices: true,
+            attributes,
+            targets,
+        });
+        bytes_saved += group.vertices.len() * bytes_of_vertex(geometry, primitive);
+    }
+    EncodedLevel { bytes_saved, ..encoder.finish(primitives) }
+}
+
+/// Bytes of a vertex of a level with vertices of its own.
+fn bytes_of_vertex(geometry: &Geometry, primitive: &PrimitiveLayout) -> usize {
+    let base = primitive.attributes.iter().map(|layout| (None, layout));
+    let targets =
+        primitive.targets.iter().enumerate().flat_map(|(t, layouts)| layouts.iter().map(move |l| (Some(t), l)));
+    let stride = |(target, layout): (Option<usize>, &AttributeLayout)| {
+        Columns::of(layout.shape, level_storage(geometry, target, layout).component).stride()
+    };
+    base.chain(targets).map(stride).sum()
 }
 
 /// The triangles of one group over vertices of its own.
@@ -138,7 +188,7 @@ impl Encoder {
         let attributes = encode(None, &primitive.attributes);
         let targets = primitive.targets.iter().enumerate().map(|(t, layouts)| encode(Some(t), layouts)).collect();
         let indices = self.encode_indices(&group.triangles, group.vertices.len());
-        PrimitiveDraft { source: primitive.primitive, indices, attributes, targets }
+        PrimitiveDraft { source: primitive.primitive, indices, shares_vertices: false, attributes, targets }
     }
 
     fn encode_attribute(
@@ -224,6 +274,11 @@ impl Encoder {
 }
 
 impl EncodedLevel {
+    /// Whether some of its vertices are the source's.
+    pub fn shares_vertices(&self) -> bool {
+        self.primitives.iter().any(|primitive| primitive.shares_vertices)
+    }
+
     fn push_view(&mut self, bytes: &[u8], stride: Option<usize>, target: u32) {
         self.views.push(ViewDraft { offset: self.bytes.len(), length: bytes.len(), stride, target });
         self.bytes.extend_from_slice(bytes);

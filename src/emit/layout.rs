@@ -6,7 +6,7 @@
 //! the finest levels' vertices, the source's own. A `.gltf` gets one file for each level instead.
 
 use super::accessors::{EncodedLevel, pad};
-use super::progressive::{can_reorder, ranges_of_view, split_source};
+use super::progressive::{Levelled, can_reorder, ranges_of_view, split_source};
 use super::{Content, Layout, OutputFile};
 use crate::asset::{Asset, Container, Document};
 use crate::error::{Error, Result};
@@ -133,7 +133,9 @@ fn place_in_bin(
 ) -> Placed {
     let progressive = layout == Layout::Progressive && can_reorder(document, notes);
     let parts = if progressive {
-        let split = split_source(document, &blocks.iter().map(|b| b.mesh).collect(), source.len());
+        let [sharing, own] = [true, false]
+            .map(|shared| blocks.iter().filter(|b| b.level.shares_vertices() == shared).map(|b| b.mesh).collect());
+        let split = split_source(document, &Levelled { own, sharing }, source.len());
         let staged = by_stage(blocks).into_iter().flatten().map(Part::Block);
         split
             .shared

@@ -1,25 +1,32 @@
 //! MSFT_lod out: appends levels to a document, lays out buffers, writes files atomically.
 
 mod accessors;
+mod bundle;
 mod channels;
 mod layout;
 mod lod_extension;
 mod names;
 mod primitives;
 mod progressive;
+mod progressive_mesh;
+mod replace;
+mod rows;
 mod storage;
 #[cfg(test)]
 mod tests;
 pub mod verify;
 mod write;
 
+pub(crate) use progressive_mesh::{
+    ProgressiveMesh, Refining, encode_progressive, find_obstacle, write_progressive, write_rebuilt,
+};
 pub use storage::round_to_storage;
 pub use write::write;
 
 use crate::asset::{Asset, Container, Document, Geometry, Scene};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use accessors::encode_level;
+use accessors::{encode_indices_only, encode_level};
 use channels::Channels;
 use layout::{Block, Placement, place_blocks};
 use lod_extension::{Arranger, NodeLevels};
@@ -50,6 +57,8 @@ pub struct MeshLods {
 pub struct LodLevel {
     /// Its geometry, already rounded to the storage types by [`round_to_storage`].
     pub mesh: Mesh,
+    /// The vertex of the source's plain mesh that each vertex is, if all are such: then only indices are written.
+    pub source_vertices: Option<Vec<u32>>,
 }
 
 /// How levels are written.
@@ -114,6 +123,11 @@ pub enum Content {
     CopyOf(PathBuf),
 }
 
+/// Bytes of a mesh that is stored as `geometry` says.
+pub(crate) fn count_bytes(mesh: &Mesh, geometry: &Geometry) -> usize {
+    encode_level(mesh, geometry).bytes.len()
+}
+
 /// Appends `lods` to the asset's document and lays out the files.
 ///
 /// Meshes that no node draws, nodes that keep levels of the source, and levels without triangles are left out with a
@@ -146,6 +160,13 @@ fn add_levels(asset: &Asset, lods: &[MeshLods], options: &Options) -> Result<Out
     let mut names = Names::new(&options.naming, asset.document.array("meshes"));
     let mut level = blocks.iter().zip(&placed.placements);
     for plan in &plans {
+        let saved: usize = level.clone().take(plan.levels.len()).map(|(block, _)| block.level.bytes_saved).sum();
+        if saved > 0 {
+            notes.push(format!(
+                "/meshes/{}: levels share the source's vertices, which saves {saved} bytes",
+                plan.lods.mesh
+            ));
+        }
         let placed_levels = level.by_ref().take(plan.levels.len());
         let meshes = append_level_meshes(&mut document, asset, plan, placed_levels, &mut names);
         for &mesh in &meshes {
@@ -171,7 +192,7 @@ fn add_levels(asset: &Asset, lods: &[MeshLods], options: &Options) -> Result<Out
 struct MeshPlan<'a> {
     lods: &'a MeshLods,
     /// Levels that are written, finest first.
-    levels: Vec<&'a Mesh>,
+    levels: Vec<&'a LodLevel>,
     /// Their coverage.
     coverage: Vec<f64>,
     /// Nodes that get them.
@@ -218,7 +239,7 @@ fn plan_meshes<'a>(
 
 /// The levels that have triangles, each fewer than the one above. What is drawn where a level is left out is the level
 /// above it; after the last one nothing, where the last one would have ended.
-fn usable_levels<'a>(lods: &'a MeshLods, notes: &mut Vec<String>) -> (Vec<&'a Mesh>, Vec<f64>) {
+fn usable_levels<'a>(lods: &'a MeshLods, notes: &mut Vec<String>) -> (Vec<&'a LodLevel>, Vec<f64>) {
     let mut above = lods.geometry.mesh.triangles.len();
     let mut levels = Vec::new();
     let mut coverage = Vec::new();
@@ -230,7 +251,7 @@ fn usable_levels<'a>(lods: &'a MeshLods, notes: &mut Vec<String>) -> (Vec<&'a Me
             continue;
         }
         above = triangles;
-        levels.push(&level.mesh);
+        levels.push(level);
         coverage.extend(lods.coverage.get(index));
     }
     coverage.extend(lods.coverage.get(lods.levels.len()));
@@ -269,9 +290,12 @@ fn nodes_to_arrange(
 
 fn encode_blocks(plans: &[MeshPlan<'_>]) -> Vec<Block> {
     let levels: Vec<_> = plans.iter().flat_map(|plan| plan.levels.iter().enumerate().map(move |l| (plan, l))).collect();
-    let encode = |&(plan, (index, level)): &(&MeshPlan<'_>, (usize, &&Mesh))| Block {
+    let encode = |&(plan, (index, level)): &(&MeshPlan<'_>, (usize, &&LodLevel))| Block {
         mesh: plan.lods.mesh,
-        level: encode_level(level, &plan.lods.geometry),
+        level: match &level.source_vertices {
+            Some(vertices) => encode_indices_only(&level.mesh, vertices, &plan.lods.geometry),
+            None => encode_level(&level.mesh, &plan.lods.geometry),
+        },
         stage: plan.levels.len() - 1 - index,
     };
     levels.par_iter().map(encode).collect()

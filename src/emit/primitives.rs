@@ -1,7 +1,7 @@
 //! The JSON of level meshes: what their primitives take over from the source's, and what must stay behind.
 
 use super::accessors::{EncodedLevel, PrimitiveDraft};
-use crate::asset::{Geometry, PassedOver};
+use crate::asset::{Geometry, PROGRESSIVE, PassedOver};
 use serde_json::{Map, Value, json};
 
 /// Extensions that promise something about the vertices, the triangle order or the closedness of the primitive they
@@ -13,6 +13,7 @@ const BOUND_TO_SOURCE_TRIANGLES: &[&str] = &[
     "EXT_mesh_primitive_restart",
     "EXT_meshopt_compression",
     "FB_ngon_encoding",
+    PROGRESSIVE,
     "KHR_draco_mesh_compression",
     "KHR_meshopt_compression",
     "NV_displacement_micromap",
@@ -36,7 +37,7 @@ pub(super) fn level_mesh(
             mesh.insert(member.into(), value.clone());
         }
     }
-    if let Some(extensions) = carried_extensions(source) {
+    if let Some(extensions) = carried_extensions(source, false) {
         mesh.insert("extensions".into(), extensions);
     }
     mesh.into()
@@ -60,16 +61,18 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
         Value::Object(attributes.iter().map(reference).collect())
     };
     let mut primitive = Map::new();
-    primitive.insert("attributes".into(), references(&draft.attributes));
+    let shared = |name: &str| source.get(name).filter(|_| draft.shares_vertices).cloned();
+    primitive.insert("attributes".into(), shared("attributes").unwrap_or_else(|| references(&draft.attributes)));
     primitive.insert("indices".into(), (first_accessor + draft.indices).into());
     if let Some(material) = source.get("material") {
         primitive.insert("material".into(), material.clone());
     }
     primitive.insert("mode".into(), 4.into());
-    if !draft.targets.is_empty() {
-        primitive.insert("targets".into(), draft.targets.iter().map(|t| references(t)).collect());
+    let own_targets = || draft.targets.iter().map(|t| references(t)).collect();
+    if let Some(targets) = shared("targets").or((!draft.targets.is_empty()).then(own_targets)) {
+        primitive.insert("targets".into(), targets);
     }
-    if let Some(extensions) = carried_extensions(source) {
+    if let Some(extensions) = carried_extensions(source, draft.shares_vertices) {
         primitive.insert("extensions".into(), extensions);
     }
     if let Some(extras) = source.get("extras") {
@@ -78,13 +81,16 @@ fn level_primitive(source: &Value, draft: &PrimitiveDraft, first_accessor: usize
     primitive.into()
 }
 
-/// The extensions of a mesh or primitive that hold for its levels too; `None` when there are none.
-fn carried_extensions(source: &Value) -> Option<Value> {
+/// The extensions of a mesh or primitive that hold for its levels too; `None` when there are none. `same_vertices`: what is said of vertices
+/// holds as well.
+fn carried_extensions(source: &Value, same_vertices: bool) -> Option<Value> {
     let extensions = source.get("extensions")?.as_object()?;
     let carried: Map<String, Value> = extensions
         .iter()
         .filter(|(name, _)| !BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str()))
-        .filter_map(|(name, payload)| Some((name.clone(), carried_payload(name, payload)?)))
+        .filter_map(|(name, payload)| {
+            Some((name.clone(), if same_vertices { payload.clone() } else { carried_payload(name, payload)? }))
+        })
         .collect();
     (!carried.is_empty()).then(|| carried.into())
 }
@@ -134,4 +140,14 @@ pub(super) fn level_accessors(level: &EncodedLevel, first_view: usize) -> Vec<Va
         json.into()
     };
     level.accessors.iter().map(one).collect()
+}
+
+/// An extension of a mesh or primitive that says something of exactly its vertices or triangles.
+pub(super) fn find_bound_extension(object: &Value) -> Option<&str> {
+    let extensions = object.get("extensions")?.as_object()?;
+    let is_bound = |(name, payload): &(&String, &Value)| {
+        BOUND_TO_SOURCE_TRIANGLES.contains(&name.as_str())
+            || *name == "EXT_mesh_features" && carried_payload(name, payload).is_none()
+    };
+    extensions.iter().find(is_bound).map(|(name, _)| name.as_str())
 }

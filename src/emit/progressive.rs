@@ -14,10 +14,37 @@ pub(super) struct SourceSplit {
     pub finest: Vec<Range<usize>>,
 }
 
-/// Splits the first `length` bytes of buffer 0. `meshes` are those that get levels.
+/// The meshes that get levels.
+#[derive(Debug, Default)]
+pub(super) struct Levelled {
+    /// Levels with vertices of their own.
+    pub own: BTreeSet<usize>,
+    /// Levels that use the source's vertices.
+    pub sharing: BTreeSet<usize>,
+}
+
+impl Levelled {
+    fn contains(&self, mesh: usize) -> bool {
+        self.own.contains(&mesh) || self.sharing.contains(&mesh)
+    }
+
+    /// The accessors of the vertices that levels use as well.
+    fn vertices_of_sharing<'a>(&'a self, document: &'a Document) -> impl Iterator<Item = usize> + 'a {
+        let meshes = self.sharing.iter().filter_map(|&mesh| document.array("meshes").get(mesh));
+        meshes.flat_map(|mesh| elements(mesh, "primitives")).flat_map(vertex_accessors)
+    }
+}
+
+/// The accessors of a primitive's attributes and morph targets.
+fn vertex_accessors(primitive: &Value) -> impl Iterator<Item = usize> {
+    let attributes = primitive.get("attributes").into_iter().chain(elements(primitive, "targets"));
+    attributes.filter_map(Value::as_object).flat_map(|a| a.values()).filter_map(index_of)
+}
+
+/// Splits the first `length` bytes of buffer 0.
 ///
 /// Overlapping views stay together, and bytes that no view names stay behind the view before them.
-pub(super) fn split_source(document: &Document, meshes: &BTreeSet<usize>, length: usize) -> SourceSplit {
+pub(super) fn split_source(document: &Document, meshes: &Levelled, length: usize) -> SourceSplit {
     let finest_views = views_of_finest(document, meshes);
     let mut ranges = Vec::new();
     for (index, view) in document.array("bufferViews").iter().enumerate() {
@@ -72,19 +99,25 @@ const COMPRESSION: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compress
 
 /// Whether only buffer views name ranges of buffers. An extension that does so by itself would point at the wrong bytes.
 pub(super) fn can_reorder(document: &Document, notes: &mut Vec<String>) -> bool {
-    let Some(root) = document.root().as_object() else { return false };
-    let outside = root.iter().filter(|(name, _)| *name != "bufferViews").any(|(_, value)| names_buffer(value));
+    let ranged = names_ranges(document);
+    if ranged {
+        notes.push(
+            "an extension names a range of a buffer by itself: level data is appended instead of put first".into(),
+        );
+    }
+    !ranged
+}
+
+/// Whether anything but buffer views (and what compresses them) names ranges of buffers.
+pub(super) fn names_ranges(document: &Document) -> bool {
+    let outside = document.root().as_object().into_iter().flatten();
+    let outside = outside.filter(|(name, _)| *name != "bufferViews").any(|(_, value)| names_buffer(value));
     let inside = document
         .array("bufferViews")
         .iter()
         .filter_map(|view| view.get("extensions")?.as_object())
         .any(|e| e.iter().any(|(name, payload)| !COMPRESSION.contains(&name.as_str()) && names_buffer(payload)));
-    if outside || inside {
-        notes.push(
-            "an extension names a range of a buffer by itself: level data is appended instead of put first".into(),
-        );
-    }
-    !(outside || inside)
+    outside || inside
 }
 
 fn names_buffer(value: &Value) -> bool {
@@ -96,13 +129,16 @@ fn names_buffer(value: &Value) -> bool {
 }
 
 /// Buffer views that nothing but triangles of `meshes` uses.
-fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<usize> {
-    let (finest, shared) = accessors_by_user(document, meshes);
+fn views_of_finest(document: &Document, meshes: &Levelled) -> BTreeSet<usize> {
+    let is_triangles =
+        |primitive: &Value| primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode));
+    let (finest, shared) =
+        accessors_by_user(document, |mesh, _, primitive| meshes.contains(mesh) && is_triangles(primitive));
+    let shared = shared.into_iter().chain(meshes.vertices_of_sharing(document)).collect::<BTreeSet<_>>();
     let mut finest_views = BTreeSet::new();
     let mut shared_views = BTreeSet::new();
     for (index, accessor) in document.array("accessors").iter().enumerate() {
-        let views = ["/bufferView", "/sparse/indices/bufferView", "/sparse/values/bufferView"];
-        let views = views.iter().filter_map(|place| accessor.pointer(place)?.as_u64()).map(|view| view as usize);
+        let views = views_of_accessor(accessor);
         if finest.contains(&index) && !shared.contains(&index) {
             finest_views.extend(views);
         } else {
@@ -113,16 +149,23 @@ fn views_of_finest(document: &Document, meshes: &BTreeSet<usize>) -> BTreeSet<us
     finest_views.difference(&shared_views).copied().collect()
 }
 
-/// Accessors that triangles of `meshes` use, and those that anything else uses.
-fn accessors_by_user(document: &Document, meshes: &BTreeSet<usize>) -> (BTreeSet<usize>, BTreeSet<usize>) {
-    let (mut finest, mut shared) = (BTreeSet::new(), BTreeSet::new());
+/// The buffer views that an accessor names.
+pub(super) fn views_of_accessor(accessor: &Value) -> impl Iterator<Item = usize> {
+    let places = ["/bufferView", "/sparse/indices/bufferView", "/sparse/values/bufferView"];
+    places.into_iter().filter_map(|place| index_at(accessor, place))
+}
+
+/// Accessors that the primitives use which `is_chosen` picks by mesh, number and content, and those that anything else uses.
+pub(super) fn accessors_by_user(
+    document: &Document,
+    is_chosen: impl Fn(usize, usize, &Value) -> bool,
+) -> (BTreeSet<usize>, BTreeSet<usize>) {
+    let (mut chosen, mut shared) = (BTreeSet::new(), BTreeSet::new());
     for (number, mesh) in document.array("meshes").iter().enumerate() {
-        for primitive in elements(mesh, "primitives") {
-            let triangles = primitive.get("mode").and_then(Value::as_u64).is_none_or(|mode| (4..=6).contains(&mode));
-            let list = if triangles && meshes.contains(&number) { &mut finest } else { &mut shared };
+        for (index, primitive) in elements(mesh, "primitives").iter().enumerate() {
+            let list = if is_chosen(number, index, primitive) { &mut chosen } else { &mut shared };
             list.extend(index_at(primitive, "/indices"));
-            let attributes = primitive.get("attributes").into_iter().chain(elements(primitive, "targets"));
-            list.extend(attributes.filter_map(Value::as_object).flat_map(|a| a.values()).filter_map(index));
+            list.extend(vertex_accessors(primitive));
         }
     }
     for sampler in document.array("animations").iter().flat_map(|animation| elements(animation, "samplers")) {
@@ -131,20 +174,20 @@ fn accessors_by_user(document: &Document, meshes: &BTreeSet<usize>) -> (BTreeSet
     shared.extend(document.array("skins").iter().filter_map(|skin| index_at(skin, "/inverseBindMatrices")));
     for node in document.array("nodes") {
         let instances = node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes").and_then(Value::as_object);
-        shared.extend(instances.into_iter().flat_map(|a| a.values()).filter_map(index));
+        shared.extend(instances.into_iter().flat_map(|a| a.values()).filter_map(index_of));
     }
-    (finest, shared)
+    (chosen, shared)
 }
 
-fn elements<'a>(object: &'a Value, member: &str) -> &'a [Value] {
+pub(super) fn elements<'a>(object: &'a Value, member: &str) -> &'a [Value] {
     object.get(member).and_then(Value::as_array).map_or(&[], Vec::as_slice)
 }
 
-fn index_at(object: &Value, place: &str) -> Option<usize> {
-    object.pointer(place).and_then(index)
+pub(super) fn index_at(object: &Value, place: &str) -> Option<usize> {
+    object.pointer(place).and_then(index_of)
 }
 
-fn index(value: &Value) -> Option<usize> {
+fn index_of(value: &Value) -> Option<usize> {
     value.as_u64().map(|index| index as usize)
 }
 
@@ -155,7 +198,11 @@ mod tests {
 
     /// Start and end of the shared ranges and of the finest's.
     fn split(document: &Document, meshes: &[usize], length: usize) -> [Vec<(usize, usize)>; 2] {
-        let split = split_source(document, &meshes.iter().copied().collect(), length);
+        split_among(document, &Levelled { own: meshes.iter().copied().collect(), ..Levelled::default() }, length)
+    }
+
+    fn split_among(document: &Document, meshes: &Levelled, length: usize) -> [Vec<(usize, usize)>; 2] {
+        let split = split_source(document, meshes, length);
         [split.shared, split.finest].map(|ranges| ranges.into_iter().map(|r| (r.start, r.end)).collect())
     }
 
@@ -178,6 +225,17 @@ mod tests {
         }));
         assert_eq!(split(&document, &[0], 36), [vec![(0, 4), (20, 36)], vec![(4, 20)]]);
         assert_eq!(split(&document, &[0, 1], 36), [vec![(0, 4), (20, 30)], vec![(4, 20), (30, 36)]]);
+    }
+
+    #[test]
+    fn vertices_that_levels_use_are_needed_from_the_start() {
+        let document = Document::new(json!({
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+            "accessors": [{"bufferView": 0}, {"bufferView": 1}],
+            "bufferViews": [{"buffer": 0, "byteLength": 12}, {"buffer": 0, "byteOffset": 12, "byteLength": 4}],
+        }));
+        let sharing = Levelled { sharing: BTreeSet::from([0]), ..Levelled::default() };
+        assert_eq!(split_among(&document, &sharing, 16), [vec![(0, 12)], vec![(12, 16)]]);
     }
 
     #[test]

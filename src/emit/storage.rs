@@ -98,7 +98,12 @@ pub(super) fn level_storage(geometry: &Geometry, target: Option<usize>, layout: 
 /// rounded so that they still sum to exactly 1, joints without weight become 0.
 pub fn round_to_storage(level: &mut Mesh, geometry: &Geometry) {
     let members = group_members(level, geometry.primitives.len());
-    for (primitive, vertices) in geometry.primitives.iter().zip(&members) {
+    round_members(level, geometry, &members);
+}
+
+/// As [`round_to_storage`] for the vertices of each group in `members`.
+pub(super) fn round_members(level: &mut Mesh, geometry: &Geometry, members: &[Vec<u32>]) {
+    for (primitive, vertices) in geometry.primitives.iter().zip(members) {
         for layout in &primitive.attributes {
             round_attribute(level, geometry, primitive, layout, vertices);
         }
@@ -119,6 +124,11 @@ fn group_members(mesh: &Mesh, groups: usize) -> Vec<Vec<u32>> {
             group_of[v as usize] = mesh.group(t);
         }
     }
+    group_members_of(&group_of, groups)
+}
+
+/// The vertices of each group, ascending.
+pub(super) fn group_members_of(group_of: &[u32], groups: usize) -> Vec<Vec<u32>> {
     let mut members = vec![Vec::new(); groups];
     for (v, &group) in group_of.iter().enumerate() {
         if let Some(list) = members.get_mut(group as usize) {
@@ -282,7 +292,7 @@ fn merge_equal_joints(joints: &[u16], weights: &mut [f32]) {
 
 /// Scales weights to the sum 1; with `steps` to whole steps that sum to exactly `steps`, the remainder going to those
 /// that rounding down cost most. All-zero weights stay.
-fn normalize_weights(weights: &mut [f32], steps: Option<u32>) {
+pub(super) fn normalize_weights(weights: &mut [f32], steps: Option<u32>) {
     let sum: f64 = weights.iter().map(|&w| f64::from(w.max(0.0))).sum();
     if sum <= 0.0 || !sum.is_finite() {
         return;

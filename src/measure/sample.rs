@@ -1,5 +1,6 @@
 //! Area-uniform stratified samples of a triangle surface: the same for the same surface, count and seed.
 
+use crate::random::Random;
 use glam::DVec3;
 
 /// A point of a surface.
@@ -45,19 +46,6 @@ pub fn sample_surface(triangles: &[[DVec3; 3]], areas: &[f64], order: &[u32], co
 /// The point with these barycentric weights.
 pub fn blend([a, b, c]: [DVec3; 3], [u, v, w]: [f64; 3]) -> DVec3 {
     a * u + b * v + c * w
-}
-
-/// SplitMix64 (Steele, Lea & Flood 2014).
-struct Random(u64);
-
-impl Random {
-    /// Uniform in [0, 1).
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
 }
 
 #[cfg(test)]

@@ -53,19 +53,11 @@ impl EdgeKind {
 /// A corner at the first point of an edge, in a face of that edge; `forward` if the face runs from the first point to the second.
 type Side = (Corner, bool);
 
-/// All edges, ordered by first and then by second point's appearance around it.
+/// All edges, in the order of faces, those between irregular points last.
 pub(crate) fn collect_edges(surface: &Surface) -> Vec<Edge> {
-    const CHUNK: usize = 8192;
-    let points = surface.points.len();
-    let chunks: Vec<Vec<Edge>> = (0..points.div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
-            let mut edges = Vec::with_capacity(3 * CHUNK + CHUNK / 2);
-            edges_from(surface, chunk * CHUNK..((chunk + 1) * CHUNK).min(points), &mut edges);
-            edges
-        })
-        .collect();
-    chunks.concat()
+    let mut edges = Vec::new();
+    recollect_edges(surface, &Irregular::find(surface), &mut edges);
+    edges
 }
 
 /// The points at edges that are not plain, or with several wedges. Only edges between two of them can be anything but plain.
@@ -73,14 +65,10 @@ pub(crate) fn collect_edges(surface: &Surface) -> Vec<Edge> {
 pub(crate) struct Irregular(Vec<bool>);
 
 impl Irregular {
-    /// Of the surface that has `edges`.
-    pub fn of(surface: &Surface, edges: &[Edge]) -> Self {
-        let mut irregular = vec![false; surface.points.len()];
-        for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
-            irregular[edge.a as usize] = true;
-            irregular[edge.b as usize] = true;
-        }
-        Self(irregular)
+    /// Looks at all points.
+    pub fn find(surface: &Surface) -> Self {
+        let irregular = |point: usize| !is_regular(surface, point as u32);
+        Self((0..surface.points.len()).into_par_iter().with_min_len(4096).map(irregular).collect())
     }
 
     /// Follows a collapse. Of one that breaks the link condition (`breaking`) anything may have become of the edges around it.
@@ -101,7 +89,41 @@ impl Irregular {
     }
 }
 
-/// All edges into `edges`, in the order of faces, those between irregular points last. The surface must be compact.
+/// Whether a point has one wedge, and each edge at it two faces of opposite directions: then the points after its corners are all different, and
+/// the same as those before them.
+fn is_regular(surface: &Surface, point: u32) -> bool {
+    const MOST: usize = 24;
+    let ring = surface.ring(point);
+    if ring.is_empty() || ring.len() > MOST {
+        return ring.is_empty();
+    }
+    let (mut after, mut before) = ([0; MOST], [0; MOST]);
+    let mut one_wedge = true;
+    for (i, &corner) in ring.iter().enumerate() {
+        [after[i], before[i]] = surface.opposite(corner);
+        one_wedge &= surface.wedge_at(corner) == surface.wedge_at(ring[0]);
+    }
+    // Sorted they are the same, and no two neighbours in the order are.
+    let (after, before) = (&mut after[..ring.len()], &mut before[..ring.len()]);
+    insertion_sort(after);
+    insertion_sort(before);
+    one_wedge && after == before && after.windows(2).all(|pair| pair[0] != pair[1])
+}
+
+/// Rings are a handful of corners.
+fn insertion_sort(points: &mut [u32]) {
+    for end in 1..points.len() {
+        let point = points[end];
+        let mut at = end;
+        while at > 0 && points[at - 1] > point {
+            points[at] = points[at - 1];
+            at -= 1;
+        }
+        points[at] = point;
+    }
+}
+
+/// All edges into `edges`, in the order of faces, those between irregular points last.
 ///
 /// Between other points an edge has two faces of opposite directions: the one in which it runs upwards names it.
 pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &mut Vec<Edge>) {
@@ -130,27 +152,12 @@ pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &
 }
 
 fn regular_edges(surface: &Surface, irregular: &Irregular, faces: std::ops::Range<usize>, edges: &mut Vec<Edge>) {
-    for f in faces {
+    for f in faces.filter(|&f| surface.is_live(f)) {
         let [p, q, r] = surface.face(f);
         for (a, b) in [(p, q), (q, r), (r, p)] {
             if a < b && !irregular.are_both(a, b) {
                 edges.push(Edge { a, b, kind: EdgeKind::default() });
             }
-        }
-    }
-}
-
-/// Appends the edges from `points` to points of higher index.
-fn edges_from(surface: &Surface, points: std::ops::Range<usize>, edges: &mut Vec<Edge>) {
-    let mut fan = Fan::default();
-    for a in points {
-        let a = a as u32;
-        let ring = surface.ring(a);
-        fan.fill(surface, ring);
-        let begin = edges.len();
-        if !fan.pair_up(surface, a, ring, edges) {
-            edges.truncate(begin);
-            fan.gather(surface, a, ring, edges, |_| true);
         }
     }
 }
@@ -165,49 +172,6 @@ impl Fan {
     fn fill(&mut self, surface: &Surface, ring: &[Corner]) {
         self.links.clear();
         self.links.extend(ring.iter().map(|&corner| surface.opposite(corner)));
-    }
-
-    /// Appends the edges from `a` to points of higher index, if each has at most two faces, of opposite directions, and no two links fall into one
-    /// slot; else gives `false`.
-    #[inline]
-    fn pair_up(&self, surface: &Surface, a: u32, ring: &[Corner], edges: &mut Vec<Edge>) -> bool {
-        const SLOTS: usize = 128;
-        const EMPTY: u8 = u8::MAX;
-        let slot = |point: u32| point as usize % SLOTS;
-        let mut ahead = [EMPTY; SLOTS];
-        if ring.len() > 64 {
-            return false;
-        }
-        for (i, &[b, _]) in self.links.iter().enumerate() {
-            let at = &mut ahead[slot(b)];
-            if *at != EMPTY {
-                return false;
-            }
-            *at = i as u8;
-        }
-        let mut paired = 0u64;
-        for (j, &[_, b]) in self.links.iter().enumerate() {
-            let i = ahead[slot(b)] as usize;
-            if self.links.get(i).is_some_and(|link| link[0] == b) {
-                if paired >> i & 1 == 1 {
-                    return false;
-                }
-                paired |= 1 << i;
-                if b > a {
-                    edges.push(Edge::between(surface, a, b, &[(ring[i], true), (ring[j], false)]));
-                }
-            } else if b > a {
-                if self.links[..j].iter().any(|link| link[1] == b) {
-                    return false;
-                }
-                edges.push(Edge::between(surface, a, b, &[(ring[j], false)]));
-            }
-        }
-        if paired.count_ones() as usize != ring.len() {
-            let open = self.links.iter().enumerate().filter(|(i, link)| paired >> i & 1 == 0 && link[0] > a);
-            edges.extend(open.map(|(i, &[b, _])| Edge::between(surface, a, b, &[(ring[i], true)])));
-        }
-        true
     }
 
     /// Appends the edges from `a` to points of higher index that are `wanted`, whatever they are like.

@@ -73,6 +73,12 @@ pub struct Skin {
     pub weights: Vec<f32>,
 }
 
+/// The wedge of each vertex (`u32::MAX` for unused ones), and the first vertex of each wedge: as a surface numbers them.
+pub(crate) fn source_wedges(mesh: &Mesh) -> (Vec<u32>, Vec<u32>) {
+    let welded = weld::weld(mesh);
+    (welded.wedge_of, welded.wedge_vertex)
+}
+
 impl Mesh {
     /// The group of triangle `t`.
     pub fn group(&self, t: usize) -> u32 {
@@ -92,6 +98,25 @@ impl Mesh {
             let p = glam::Vec3::from(self.positions[v as usize]);
             (lo.min(p), hi.max(p))
         })
+    }
+
+    /// These vertices with all they have, without triangles.
+    pub(crate) fn pick_vertices(&self, vertices: &[u32]) -> Self {
+        fn pick<T: Copy>(values: &[T], width: usize, vertices: &[u32]) -> Vec<T> {
+            vertices.iter().flat_map(|&v| &values[v as usize * width..][..width]).copied().collect()
+        }
+        let attribute = |a: &Attribute| Attribute { values: pick(&a.values, a.width, vertices), ..*a };
+        let skin = |s: &Skin| Skin {
+            influences: s.influences,
+            joints: pick(&s.joints, s.influences, vertices),
+            weights: pick(&s.weights, s.influences, vertices),
+        };
+        Self {
+            positions: pick(&self.positions, 1, vertices),
+            attributes: self.attributes.iter().map(attribute).collect(),
+            skin: self.skin.as_ref().map(skin),
+            ..Self::default()
+        }
     }
 
     /// The attribute with this meaning, if the mesh has it.

@@ -322,9 +322,11 @@ impl Surface {
         }
         self.live -= merge.faces.len();
         for &corner in merge.spokes_of_gone() {
-            let (face, k) = (Self::face_of(corner), (corner & 3) as usize);
-            self.faces[face][k] = kept;
-            self.corners[face][k] = merge.target(self.corners[face][k]);
+            self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
+        }
+        for &corner in merge.spokes_with_new_wedges() {
+            let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
+            *wedge = merge.target(*wedge);
         }
         self.rings.replace(kept, &merge.spokes);
         self.rings.clear(gone);
@@ -355,10 +357,12 @@ impl Surface {
     fn drop_copies(&mut self) {
         let turned = |w: &[u32; 3], k: usize| [w[k], w[(k + 1) % 3], w[(k + 2) % 3]];
         for f in 0..self.faces.len() {
-            let wedges = self.corners[f];
-            let is_copy = self.ring(self.faces[f][0]).iter().any(|&c| {
+            let (points, wedges) = (self.faces[f], self.corners[f]);
+            let is_copy = self.ring(points[0]).iter().any(|&c| {
                 let other = Self::face_of(c);
-                other < f && turned(&self.corners[other], (c & 3) as usize) == wedges
+                other < f
+                    && self.opposite(c)[0] == points[1]
+                    && turned(&self.corners[other], (c & 3) as usize) == wedges
             });
             if is_copy {
                 self.remove_face(f);
@@ -369,6 +373,23 @@ impl Surface {
 
     /// The surface as plain arrays: only used vertices, in the order in which triangles first use them.
     pub fn to_mesh(&self) -> Mesh {
+        let (mut mesh, order) = self.number_vertices();
+        mesh.positions = order.iter().map(|v| self.frame.leave(self.points[v.point as usize])).collect();
+        let wedges: Vec<u32> = order.into_iter().map(|v| v.wedge).collect();
+        self.wedges.write(&wedges, &mut mesh);
+        mesh
+    }
+
+    /// The surface, of which no vertex has moved or changed, as plain arrays in the order of [`Self::to_mesh`], and the vertex of `source` that each
+    /// vertex is.
+    pub fn to_subset(&self, source: &Mesh) -> (Mesh, Vec<u32>) {
+        let (mesh, order) = self.number_vertices();
+        let vertices: Vec<u32> = order.into_iter().map(|v| self.wedges.origin(v.wedge)).collect();
+        (Mesh { triangles: mesh.triangles, groups: mesh.groups, ..source.pick_vertices(&vertices) }, vertices)
+    }
+
+    /// Triangles and groups as plain arrays, and what their vertices are.
+    fn number_vertices(&self) -> (Mesh, Vec<Vertex>) {
         // A wedge may stand at several points only by a bug; keyed by wedge the vertex count stays minimal.
         let mut vertex_of = vec![u32::MAX; self.wedges.len()];
         let mut order = Vec::new();
@@ -379,15 +400,19 @@ impl Surface {
                 let slot = &mut vertex_of[wedge as usize];
                 if *slot == u32::MAX {
                     *slot = order.len() as u32;
-                    order.push(wedge);
-                    mesh.positions.push(self.frame.leave(self.points[point as usize]));
+                    order.push(Vertex { point, wedge });
                 }
                 *slot
             });
             mesh.triangles.push(triangle);
             mesh.groups.push(self.wedges.group(self.corners[f][0]));
         }
-        self.wedges.write(&order, &mut mesh);
-        mesh
+        (mesh, order)
     }
+}
+
+/// What becomes a vertex of a plain mesh.
+struct Vertex {
+    point: u32,
+    wedge: u32,
 }

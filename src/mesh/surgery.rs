@@ -13,12 +13,14 @@ pub(crate) struct Merge {
     pub gone: u32,
     /// Faces that have both points.
     pub faces: SmallVec<[usize; 4]>,
-    /// Pairs (wedge at `kept`, wedge at `gone`) that the faces join, each once.
+    /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay, unless the merge is turned.
     pub pairs: SmallVec<[(u32, u32); 4]>,
     /// Corners at either end whose faces survive: the ring of the joined point. Those at `kept` come first.
     pub spokes: SmallVec<[Corner; 24]>,
     /// Where those at `gone` begin.
     from_gone: usize,
+    /// The wedges at `gone` stay.
+    turned: bool,
 }
 
 impl Merge {
@@ -31,7 +33,7 @@ impl Merge {
 
     /// Looks at another edge.
     pub fn look(&mut self, surface: &Surface, kept: u32, gone: u32) {
-        (self.kept, self.gone) = (kept, gone);
+        (self.kept, self.gone, self.turned) = (kept, gone, false);
         self.faces.clear();
         self.pairs.clear();
         self.spokes.clear();
@@ -64,7 +66,39 @@ impl Merge {
         (1..pairs.len()).all(|i| pairs[..i].iter().all(|p| !torn(p, &pairs[i])))
     }
 
-    /// The wedge at `kept` that `wedge` (at `gone`) becomes; itself if no face joins it to one.
+    /// Turns the wedges around: those of the other end stay. Points stay as they are.
+    pub fn turn(&mut self) {
+        self.turned = !self.turned;
+        self.pairs.iter_mut().for_each(|pair| *pair = (pair.1, pair.0));
+    }
+
+    /// Pairs up the wedges that would have to go without a partner: with the partner of one that looks the same, or else, if `lossy`, with the one at the
+    /// other end that looks most alike in the same group. Gives whether none is left over.
+    pub fn pair_up(&mut self, surface: &Surface, lossy: bool) -> bool {
+        let wedges = &surface.wedges;
+        for i in 0..self.spokes_with_new_wedges().len() {
+            let wedge = surface.wedge_at(self.spokes_with_new_wedges()[i]);
+            if self.pairs.iter().any(|pair| pair.1 == wedge) {
+                continue;
+            }
+            let alike = self.pairs.iter().find(|pair| !wedges.differ(pair.1, wedge)).map(|pair| pair.0);
+            let Some(stays) = alike.or_else(|| if lossy { self.find_most_alike(surface, wedge) } else { None }) else {
+                return false;
+            };
+            self.pairs.push((stays, wedge));
+        }
+        true
+    }
+
+    fn find_most_alike(&self, surface: &Surface, wedge: u32) -> Option<u32> {
+        let wedges = &surface.wedges;
+        let ring = surface.ring(if self.turned { self.gone } else { self.kept });
+        let same_group = ring.iter().map(|&c| surface.wedge_at(c)).filter(|&w| wedges.group(w) == wedges.group(wedge));
+        let distance = |w: &u32| wedges.distance_squared(*w, wedge);
+        same_group.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
+    }
+
+    /// The wedge that `wedge` becomes; itself if no face joins it to one.
     pub fn target(&self, wedge: u32) -> u32 {
         self.pairs.iter().find(|p| p.1 == wedge).map_or(wedge, |p| p.0)
     }
@@ -77,6 +111,11 @@ impl Merge {
     /// Corners at `gone` whose faces survive.
     pub fn spokes_of_gone(&self) -> &[Corner] {
         &self.spokes[self.from_gone..]
+    }
+
+    /// Corners whose wedges become others, where those have partners.
+    pub fn spokes_with_new_wedges(&self) -> &[Corner] {
+        if self.turned { self.spokes_of_kept() } else { self.spokes_of_gone() }
     }
 
     /// Corners at either end, those of the edge's own faces once (at `kept`).

@@ -21,6 +21,8 @@ pub(crate) struct Wedges {
     range: Vec<(f32, f32)>,
     groups: Vec<u32>,
     skin: Option<Skin>,
+    /// The source vertex that each wedge came from.
+    origins: Vec<u32>,
 }
 
 impl Wedges {
@@ -54,7 +56,7 @@ impl Wedges {
                 *bounds = (bounds.0.min(value), bounds.1.max(value));
             }
         }
-        Self { columns, stride, values, range, groups, skin }
+        Self { columns, stride, values, range, groups, skin, origins: vertices.to_vec() }
     }
 
     pub fn len(&self) -> usize {
@@ -78,6 +80,11 @@ impl Wedges {
 
     pub fn group(&self, wedge: u32) -> u32 {
         self.groups[wedge as usize]
+    }
+
+    /// The source vertex that a wedge came from: it still is that vertex, if nothing has moved or changed it.
+    pub fn origin(&self, wedge: u32) -> u32 {
+        self.origins[wedge as usize]
     }
 
     pub fn row(&self, wedge: u32) -> &[f32] {
@@ -109,11 +116,21 @@ impl Wedges {
         self.group(a) != self.group(b) || self.columns.iter().any(differs)
     }
 
+    /// How far the rows of two wedges lie apart; morph displacements and identifiers do not count.
+    pub fn distance_squared(&self, a: u32, b: u32) -> f32 {
+        let (row_a, row_b) = (self.row(a), self.row(b));
+        let counts =
+            |column: &&Column| matches!(column.semantic, Semantic::Normal | Semantic::TexCoord(_) | Semantic::Color(_));
+        let numbers = self.columns.iter().filter(counts).flat_map(|c| c.offset..c.offset + c.width);
+        numbers.map(|i| (row_a[i] - row_b[i]) * (row_a[i] - row_b[i])).sum()
+    }
+
     /// A copy of `wedge` under a new id.
     pub fn duplicate(&mut self, wedge: u32) -> u32 {
         let (w, stride) = (wedge as usize, self.stride);
         self.values.extend_from_within(w * stride..(w + 1) * stride);
         self.groups.push(self.groups[w]);
+        self.origins.push(self.origins[w]);
         if let Some(skin) = &mut self.skin {
             let n = skin.influences;
             skin.joints.extend_from_within(w * n..(w + 1) * n);
@@ -144,6 +161,13 @@ impl Wedges {
         out.truncate(n);
         let sum: f32 = out.iter().map(|(_, w)| w).sum();
         out.iter_mut().for_each(|(_, w)| *w /= sum);
+    }
+
+    /// Joints and weights of a wedge, if the mesh is skinned.
+    pub fn influences(&self, wedge: u32) -> Option<(&[u16], &[f32])> {
+        let skin = self.skin.as_ref()?;
+        let range = wedge as usize * skin.influences..(wedge as usize + 1) * skin.influences;
+        Some((&skin.joints[range.clone()], &skin.weights[range]))
     }
 
     /// Joint influences inside a face of these wedges, as (joint, weight), strongest first; empty without a skin.
@@ -220,7 +244,7 @@ fn pick_skin(skin: &Skin, rows: &[u32]) -> Skin {
 }
 
 /// Unit normals; tangents orthogonal to them, of unit length, with a handedness of ±1. Zero vectors stay.
-fn normalize_directions(attributes: &mut [Attribute]) {
+pub(crate) fn normalize_directions(attributes: &mut [Attribute]) {
     let mut normals = Vec::new();
     for a in attributes.iter_mut().filter(|a| a.semantic == Semantic::Normal && a.width == 3) {
         for n in a.values.chunks_exact_mut(3) {

@@ -95,6 +95,7 @@ mod tests {
     fn levels_that_save_too_little_are_dropped_against_the_level_kept_above() {
         let level = |triangles| Level {
             mesh: Mesh { triangles: vec![[0, 1, 2]; triangles], ..Mesh::default() },
+            source_vertices: None,
             stop: Stop::Target,
             refusals: Refusals::default(),
         };

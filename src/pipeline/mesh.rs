@@ -1,6 +1,7 @@
 //! One glTF mesh: settings → geometry → levels → figures → switches → gates.
 
 use super::Observer;
+use super::foreign::make_levels;
 use super::gates::check_gates;
 use super::levels::{choose_options, keep_levels, report_target};
 use crate::asset::{Asset, Geometry, Limits, Scene};
@@ -10,7 +11,7 @@ use crate::emit::{self, Existing, LodLevel, MeshLods};
 use crate::error::Result;
 use crate::measure::{Measurement, Ruler, Sampling};
 use crate::mesh::Mesh;
-use crate::preset::{AssetPresets, Basis, MeshNames, Settings};
+use crate::preset::{AssetPresets, Basis, Maker, MeshNames, Settings};
 use crate::report::{BaselineReport, BrokenGate, LevelReport, MeshReport};
 use crate::simplify::{self, EdgePolicy, Level};
 use rayon::prelude::*;
@@ -94,15 +95,15 @@ impl Task<'_> {
 }
 
 /// Names that rules go by.
-struct Names {
-    mesh: Option<String>,
+pub(super) struct Names {
+    pub(super) mesh: Option<String>,
     nodes: Vec<String>,
     materials: Vec<String>,
     users: usize,
 }
 
 impl Names {
-    fn of(asset: &Asset, scene: &Scene, index: usize) -> Self {
+    pub(super) fn of(asset: &Asset, scene: &Scene, index: usize) -> Self {
         let name = |value: &Value| value.get("name").and_then(Value::as_str).map(str::to_owned);
         let mesh = asset.document.array("meshes").get(index);
         let users = scene.uses.get(index).map_or(&[][..], |mesh_use| &mesh_use.nodes);
@@ -120,7 +121,7 @@ impl Names {
         }
     }
 
-    fn borrow(&self) -> MeshNames<'_> {
+    pub(super) fn borrow(&self) -> MeshNames<'_> {
         MeshNames { mesh: self.mesh.as_deref(), nodes: &self.nodes, materials: &self.materials }
     }
 }
@@ -178,19 +179,25 @@ fn find_reason_in_geometry(geometry: &Geometry, settings: &Settings) -> Option<S
 
 fn build_levels(subject: Subject) -> Result<BuiltMesh> {
     let Subject { mut report, geometry, ruler, settings, options } = subject;
-    let chain = simplify::simplify(&geometry.mesh, &options)?;
-    let (mut kept, dropped) = keep_levels(chain.levels, report.triangles, settings.min_saving);
+    let levels = match settings.maker {
+        Maker::Simplify => simplify::simplify(&geometry.mesh, &options)?.levels,
+        Maker::Meshopt => make_levels(&geometry.mesh, &options, &ruler)?,
+    };
+    let (mut kept, dropped) = keep_levels(levels, report.triangles, settings.min_saving);
     report.dropped = dropped;
     if kept.is_empty() {
         let why = report.dropped.first().map_or("the preset asks for no level", |_| "no level saves enough triangles");
         return Ok(BuiltMesh::skipped(MeshReport { skipped: Some(why.to_owned()), ..report }));
     }
-    kept.par_iter_mut().for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
+    // Source vertices are stored already.
+    let own_vertices = kept.par_iter_mut().filter(|(_, level)| level.source_vertices.is_none());
+    own_vertices.for_each(|(_, level)| emit::round_to_storage(&mut level.mesh, &geometry));
     report.levels = measure_levels(&geometry.mesh, &ruler, &kept, &options);
     switch_levels(&mut report, &kept, &settings)?;
     let gates = check_gates(&report, &settings.gates);
     let extras = describe_for_extras(&report, &settings);
-    let levels = kept.into_iter().map(|(_, level)| LodLevel { mesh: level.mesh }).collect();
+    let to_lod = |(_, level): (usize, Level)| LodLevel { mesh: level.mesh, source_vertices: level.source_vertices };
+    let levels = kept.into_iter().map(to_lod).collect();
     let lods = MeshLods { mesh: report.mesh, geometry, levels, coverage: report.coverage.clone(), extras };
     Ok(BuiltMesh { report, gates, lods: Some(lods) })
 }

@@ -5,15 +5,22 @@
 
 mod asset;
 mod claims;
+mod foreign;
 mod gates;
 mod inspect;
 mod levels;
 mod mesh;
+mod papers;
+mod progressive;
 mod subjects;
+mod train;
 
 pub use inspect::inspect;
 pub(crate) use mesh::Subject;
+pub use papers::{Clock, PapersOptions, papers};
+pub use progressive::{ProgressiveOptions, RebuildOptions, progressive, rebuild};
 pub(crate) use subjects::{Visited, visit_subjects};
+pub use train::{TrainOptions, TrainOutcome, train_w};
 
 use crate::asset::Limits;
 use crate::discover::{Destination, Found, Source, discover, is_asset};

@@ -8,7 +8,7 @@
 use super::expand::{Copy, Expansion, Layer, Step, check_names, slashed};
 use super::file::{NameConditions, PresetFile};
 use super::level::Levels;
-use super::model::{Algorithm, Effort, Keys};
+use super::model::{Algorithm, EdgePolicy, Effort, Keys};
 use super::source::{Source, reword};
 use super::value::Placed;
 use super::{Coverage, Settings, builtin, settings};
@@ -19,6 +19,9 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Name of the preset files in asset directories.
 pub const FILE_NAME: &str = "gltf-lod.toml";
+
+/// What stands for a file's path where flags set keys.
+const FLAGS: &str = "flags";
 
 /// All preset layers of a run. Files are read once; may be shared between threads.
 #[derive(Debug)]
@@ -153,13 +156,14 @@ fn read_flags(flags: &Flags) -> Result<Step> {
         keys.levels = Some(Placed { value: levels, span: 0..0 });
     }
     if let Some(name) = &flags.algorithm {
-        keys.algorithm = Some(Algorithm::from_name(name).map_err(|message| name_error("--algorithm", &message))?);
+        let algorithm = Algorithm::from_name(name).map_err(|message| name_error("--algorithm", &message))?;
+        keys.algorithm = Some(Placed { value: algorithm, span: 0..0 });
     }
     if let Some(name) = &flags.effort {
         keys.effort = Some(Effort::from_name(name).map_err(|message| name_error("--effort", &message))?);
     }
-    let source = Arc::new(Source::new("flags", ""));
-    Ok(Step { keys: Arc::new(keys), conditions: Vec::new(), source, label: "flags".into() })
+    let source = Arc::new(Source::new(FLAGS, ""));
+    Ok(Step { keys: Arc::new(keys), conditions: Vec::new(), source, label: FLAGS.into() })
 }
 
 fn name_error(flag: &str, message: &str) -> Error {
@@ -180,7 +184,8 @@ impl AssetPresets {
         let keys = self.keys(names);
         let skip = self.skip_reason(names);
         if skip.is_none() {
-            self.check_together(&keys, names)?;
+            self.check_coverage(&keys, names)?;
+            self.check_locks(&keys, names)?;
         }
         Ok(Settings { skip, ..settings::resolve(&keys)? })
     }
@@ -233,7 +238,7 @@ impl AssetPresets {
     }
 
     /// What no layer can check by itself. The error points at the coverage list: its length depends on the levels.
-    fn check_together(&self, keys: &Keys, names: &MeshNames<'_>) -> Result<()> {
+    fn check_coverage(&self, keys: &Keys, names: &MeshNames<'_>) -> Result<()> {
         let (Some(levels), Some(coverage), Some(cull)) = (&keys.levels, &keys.coverage, keys.cull_coverage) else {
             return Ok(());
         };
@@ -257,6 +262,24 @@ impl AssetPresets {
             }
             _ => Ok(()),
         }
+    }
+
+    /// meshoptimizer locks open borders only.
+    fn check_locks(&self, keys: &Keys, names: &MeshNames<'_>) -> Result<()> {
+        let Some(algorithm) = keys.algorithm.as_ref().filter(|key| key.value == Algorithm::Meshopt) else {
+            return Ok(());
+        };
+        let locked = [("seam", keys.seam), ("material_border", keys.material_border)];
+        let Some((key, _)) = locked.into_iter().find(|(_, policy)| *policy == Some(EdgePolicy::Lock)) else {
+            return Ok(());
+        };
+        let title = format!("meshoptimizer cannot keep `{key} = \"lock\"`");
+        let help = format!("choose another algorithm, or set `{key} = \"preserve\"`");
+        let step = self.steps_for(names).rfind(|step| step.keys.algorithm.is_some());
+        Err(match step.filter(|step| step.source.path() != Path::new(FLAGS)) {
+            Some(step) => step.source.error(algorithm.span.clone(), &title, Some(&help)),
+            None => at_flag("--algorithm", &title).help(help),
+        })
     }
 
     fn skip_reason(&self, names: &MeshNames<'_>) -> Option<String> {

@@ -44,7 +44,9 @@ use serde::{Deserialize, Serialize};
 pub struct Settings {
     /// `Some(reason)`: leave this mesh alone.
     pub skip: Option<String>,
-    /// Algorithm, policies, weights. Its `levels` are empty; see `levels`.
+    /// Who makes the levels.
+    pub maker: Maker,
+    /// Algorithm, policies, weights. Of these [`Maker::Meshopt`] heeds `border` and `min_triangles`. Its `levels` are empty; see `levels`.
     pub simplify: simplify::Options,
     /// The levels asked for, finest first.
     pub levels: Vec<LevelTarget>,
@@ -79,6 +81,16 @@ impl Default for Settings {
     fn default() -> Self {
         settings::resolve(&builtin::default_keys()).unwrap_or_else(|error| panic!("{error}"))
     }
+}
+
+/// Who makes the levels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Maker {
+    /// This crate's simplifier.
+    #[default]
+    Simplify,
+    /// meshoptimizer (`algorithm = "meshopt"`).
+    Meshopt,
 }
 
 /// When a level ends: the first rule that binds.

@@ -5,7 +5,9 @@
 //! layers meet. The doc comments below are what an editor shows (they go into `config/preset.schema.json`).
 
 use super::level::Levels;
-use super::number::{Count, Multiple, PartialShare, Pixels, Samples, ScreenPixels, SplitFactor, Triangles, Weight};
+use super::number::{
+    Count, Exponent, Multiple, PartialShare, Pixels, Samples, ScreenPixels, SplitFactor, Triangles, Weight,
+};
 use super::pattern::{NamePattern, Naming, PathPattern};
 use super::value::{Gate, OneOrMore, Placed};
 use super::{Basis, Coverage, ErrorBound};
@@ -40,13 +42,28 @@ macro_rules! each_key {
         min_saving: PartialShare,
 
         /// How edges are ranked.
-        algorithm: Algorithm,
+        algorithm: Placed<Algorithm>,
 
         /// How close to its paper the algorithm stays. Only `esqem` has a choice.
         mode: Mode,
 
-        /// The order of collapses.
+        /// The order of collapses. `"auto"` is the one that the algorithm was made for.
         schedule: Schedule,
+
+        /// `qfvp` only: its exponent w, how much the angle between the normals at an edge's ends counts, from 0 (plain quadrics) to 2.
+        /// `"auto"` asks a small neural net that goes by the triangle counts of source and last level, `"shape"` one that also looks at the
+        /// mesh.
+        qfvp_w: Exponent,
+
+        /// `qfvp` only: how the normals of vertices follow collapses.
+        qfvp_normals: NormalUpdate,
+
+        /// `fms` only: its α, how much heavier a vertex becomes as the surface around it changes, from 0 to 1000. Higher values spread
+        /// the collapses more evenly.
+        fms_alpha: Weight,
+
+        /// Whether vertices may move, or only go.
+        placement: Placement,
 
         /// How much time a level may take to become better than what the collapses alone give.
         effort: Effort,
@@ -274,6 +291,15 @@ pub enum Algorithm {
     Esqem,
     /// Plain quadric error metrics (Garland & Heckbert 1997).
     Qem,
+    /// Quadric error times a power of the angle between the normals at an edge's ends; vertices stay on their edge. Keeps features of
+    /// very coarse levels.
+    Qfvp,
+    /// Edge lengths and curvature alone, vertex by vertex (Meng & Song 2007): simple, less exact.
+    Fms,
+    /// Edge length times curvature (Melax 1998): levels whose vertices are all vertices of the source.
+    Melax,
+    /// What meshoptimizer makes of the mesh, by the best of its modes at each triangle count. Seams and material borders cannot be locked.
+    Meshopt,
 }
 
 /// How close to its paper an algorithm stays.
@@ -290,10 +316,35 @@ pub enum Mode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Schedule {
+    /// What suits the algorithm: passes for `esqem` and `qem`, the queue for `esqem` in paper mode, `qfvp` and `melax`, vertices for `fms`.
+    Auto,
     /// Ranks all edges, collapses the cheapest that do not touch each other, and repeats: fast.
     Passes,
     /// Always the cheapest edge of all: slower, in strict order.
     Queue,
+    /// Always the cheapest edge of the lightest vertex: a smaller queue, whose order lags a little behind.
+    Vertices,
+}
+
+/// How normals follow collapses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum NormalUpdate {
+    /// The mean of both ends, weighted by their numbers of faces.
+    Linear,
+    /// Anew from the faces: slower.
+    Recompute,
+}
+
+/// Where the vertex of a collapsed edge goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Placement {
+    /// Where the error is least: the best shape for the triangles.
+    Optimal,
+    /// To one of the edge's ends: levels share the source's vertices and add an index buffer only, which takes the least memory. Nothing is split
+    /// or refined.
+    Subset,
 }
 
 /// How much time a level may take.
@@ -392,9 +443,12 @@ replaced!(
     Placed<bool>,
     Placed<Levels>,
     Placed<Coverage>,
-    Algorithm,
+    Placed<Algorithm>,
     Mode,
     Schedule,
+    Exponent,
+    NormalUpdate,
+    Placement,
     Effort,
     EdgePolicy,
     Basis,
@@ -423,23 +477,48 @@ impl Algorithm {
         read_name(name)
     }
 
-    /// The algorithm in the library's terms.
-    pub fn in_mode(self, mode: Mode) -> simplify::Algorithm {
-        match self {
+    /// The algorithm in the simplifier's terms; `None` for meshoptimizer, which is another simplifier.
+    pub fn in_mode(self, mode: Mode) -> Option<simplify::Algorithm> {
+        Some(match self {
             Self::Esqem => simplify::Algorithm::Esqem(match mode {
                 Mode::Enhanced => simplify::Mode::Enhanced,
                 Mode::Paper => simplify::Mode::Paper,
             }),
             Self::Qem => simplify::Algorithm::Qem,
+            Self::Qfvp => simplify::Algorithm::Qfvp,
+            Self::Fms => simplify::Algorithm::Fms,
+            Self::Melax => simplify::Algorithm::Melax,
+            Self::Meshopt => return None,
+        })
+    }
+}
+
+impl Schedule {
+    /// The schedule in the simplifier's terms.
+    pub fn resolve(self, algorithm: simplify::Algorithm) -> simplify::Schedule {
+        match self {
+            Self::Auto => algorithm.natural_schedule(),
+            Self::Passes => simplify::Schedule::Passes,
+            Self::Queue => simplify::Schedule::Queue,
+            Self::Vertices => simplify::Schedule::Vertices,
         }
     }
 }
 
-impl From<Schedule> for simplify::Schedule {
-    fn from(schedule: Schedule) -> Self {
-        match schedule {
-            Schedule::Passes => Self::Passes,
-            Schedule::Queue => Self::Queue,
+impl From<NormalUpdate> for simplify::NormalUpdate {
+    fn from(update: NormalUpdate) -> Self {
+        match update {
+            NormalUpdate::Linear => Self::Linear,
+            NormalUpdate::Recompute => Self::Recompute,
+        }
+    }
+}
+
+impl From<Placement> for simplify::Placement {
+    fn from(placement: Placement) -> Self {
+        match placement {
+            Placement::Optimal => Self::Optimal,
+            Placement::Subset => Self::Subset,
         }
     }
 }

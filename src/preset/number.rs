@@ -1,5 +1,6 @@
 //! Numbers with their ranges. A number outside its range never gets past this module.
 
+use crate::simplify::FeatureWeight;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -186,6 +187,73 @@ whole! {
     Count: from 0 to u32::MAX;
     /// Samples of the ruler: fewer say nothing, more only take time.
     Samples: from 100 to 10_000_000;
+}
+
+/// QFVP's exponent w: a number, or who predicts it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exponent(pub FeatureWeight);
+
+impl Exponent {
+    const INTERVAL: Interval = Interval { low: 0.0, open: false, high: 2.0 };
+}
+
+impl<'de> Deserialize<'de> for Exponent {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ExponentVisitor).map(Self)
+    }
+}
+
+struct ExponentVisitor;
+
+impl Visitor<'_> for ExponentVisitor {
+    type Value = FeatureWeight;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        Exponent::INTERVAL.expecting(f)?;
+        f.write_str(", \"auto\" or \"shape\"")
+    }
+
+    fn visit_str<E: Error>(self, word: &str) -> Result<Self::Value, E> {
+        match word {
+            "auto" => Ok(FeatureWeight::Auto),
+            "shape" => Ok(FeatureWeight::Shape),
+            _ => Err(E::invalid_value(Unexpected::Str(word), &self)),
+        }
+    }
+
+    fn visit_f64<E: Error>(self, w: f64) -> Result<Self::Value, E> {
+        if Exponent::INTERVAL.holds(w) {
+            Ok(FeatureWeight::Fixed(w))
+        } else {
+            Err(E::invalid_value(Unexpected::Float(w), &self))
+        }
+    }
+
+    fn visit_i64<E: Error>(self, w: i64) -> Result<Self::Value, E> {
+        self.visit_f64(w as f64)
+    }
+}
+
+impl Serialize for Exponent {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            FeatureWeight::Fixed(w) => serializer.serialize_f64(w),
+            FeatureWeight::Auto => serializer.serialize_str("auto"),
+            FeatureWeight::Shape => serializer.serialize_str("shape"),
+        }
+    }
+}
+
+impl JsonSchema for Exponent {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Exponent".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "anyOf": [{ "enum": ["auto", "shape"] }, Self::INTERVAL.json_schema()] })
+    }
 }
 
 /// Where long edges begin, in mean edge lengths; `None` splits nothing. In TOML 0 or `false` are none.

@@ -4,7 +4,7 @@ use super::level::Level;
 use super::model::{GateKeys, Keys, WeightKeys};
 use super::number::{Count, Multiple, Weight};
 use super::value::Gate;
-use super::{Gates, Settings, Severity};
+use super::{Gates, Maker, Settings, Severity};
 use crate::error::{Error, Kind, Result};
 use crate::simplify;
 
@@ -13,6 +13,7 @@ pub fn resolve(keys: &Keys) -> Result<Settings> {
     let levels = &required(keys.levels.as_ref(), "levels")?.value.0;
     Ok(Settings {
         skip: None,
+        maker: resolve_maker(keys)?,
         simplify: resolve_simplify(keys)?,
         levels: levels.iter().map(Level::target).collect(),
         min_source_triangles: required(keys.min_source_triangles, "min_source_triangles")?.get(),
@@ -31,14 +32,25 @@ pub fn resolve(keys: &Keys) -> Result<Settings> {
     })
 }
 
+fn resolve_maker(keys: &Keys) -> Result<Maker> {
+    let own = required(keys.algorithm.as_ref(), "algorithm")?.value.in_mode(required(keys.mode, "mode")?);
+    Ok(if own.is_some() { Maker::Simplify } else { Maker::Meshopt })
+}
+
 fn resolve_simplify(keys: &Keys) -> Result<simplify::Options> {
     let mode = required(keys.mode, "mode")?;
+    let algorithm = required(keys.algorithm.as_ref(), "algorithm")?.value.in_mode(mode);
+    let algorithm = algorithm.unwrap_or_else(|| simplify::Options::default().algorithm);
     let split_factor = required(keys.split_factor, "split_factor")?;
     Ok(simplify::Options {
         levels: Vec::new(),
         min_triangles: required(keys.min_triangles, "min_triangles")?.get(),
-        algorithm: required(keys.algorithm, "algorithm")?.in_mode(mode),
-        schedule: required(keys.schedule, "schedule")?.into(),
+        algorithm,
+        schedule: required(keys.schedule, "schedule")?.resolve(algorithm),
+        qfvp_w: required(keys.qfvp_w, "qfvp_w")?.0,
+        qfvp_normals: required(keys.qfvp_normals, "qfvp_normals")?.into(),
+        fms_alpha: required(keys.fms_alpha, "fms_alpha")?.get() as f32,
+        placement: required(keys.placement, "placement")?.into(),
         effort: required(keys.effort, "effort")?.into(),
         curvature_weight: required(keys.curvature_weight, "curvature_weight")?.get() as f32,
         split_factor: split_factor.0.map(|factor| factor as f32),

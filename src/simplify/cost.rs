@@ -42,13 +42,72 @@ pub(crate) trait Cost: Send + Sync {
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
-    fn merged(&mut self, kept: u32, gone: u32);
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);
 
-    /// Makes room for points that `surface` has and the cost has not met.
-    fn grow(&mut self, surface: &Surface);
+    /// Makes room for points that `surface` has and the cost has not met: those that a refinement made.
+    fn grow(&mut self, _surface: &Surface) {}
 
-    /// Brings what is known of one point up to date with the faces around it.
+    /// Brings what is known of one point up to date with the faces around it. The queues ask for it after each collapse, for the joined point,
+    /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);
+
+    /// After [`Self::update`] of a joined point and all around it: brings what depends on several of them up to date.
+    fn settle(&mut self, _surface: &Surface, _point: u32) {}
+
+    /// Whose edges cost something else after a collapse.
+    fn reach(&self) -> Reach {
+        Reach::Neighbours
+    }
+}
+
+/// How far a collapse changes costs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reach {
+    /// The edges at the joined point: what its neighbours know stays as it is.
+    Point,
+    /// The edges at its neighbours too: they know the shape around them.
+    Neighbours,
+}
+
+/// A cost of which collapses to an end are taken only.
+pub(crate) struct AtEnds(pub Box<dyn Cost>);
+
+impl Cost for AtEnds {
+    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
+        self.0.refresh(surface, edges);
+    }
+
+    fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        let end = |p: u32| self.0.judge(surface, a, b, Some(surface.points[p as usize]));
+        match fixed {
+            Some(_) => self.0.judge(surface, a, b, fixed),
+            None => [end(a), end(b)].into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost)),
+        }
+    }
+
+    fn metric(&self) -> &Metric {
+        self.0.metric()
+    }
+
+    fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
+        self.0.weigh(area, distance_squared)
+    }
+
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        self.0.merged(surface, kept, gone);
+    }
+
+    fn update(&mut self, surface: &Surface, point: u32) {
+        self.0.update(surface, point);
+    }
+
+    fn settle(&mut self, surface: &Surface, point: u32) {
+        self.0.settle(surface, point);
+    }
+
+    fn reach(&self) -> Reach {
+        self.0.reach()
+    }
 }
 
 /// Where the joined point of an edge has to go, if an end is locked; `None` if both are.

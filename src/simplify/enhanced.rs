@@ -8,7 +8,7 @@
 
 use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED, pinned};
-use super::options::Options;
+use super::options::{Options, Placement};
 use super::placement::{Apex, Facet, LANES, Subject, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
@@ -27,9 +27,11 @@ pub(crate) struct Enhanced {
     apexes: Vec<Apex>,
     /// Points at edges that have planes of their own.
     ridged: Vec<bool>,
-    /// The faces when the pass began.
+    /// Of each face.
     facets: Vec<Facet>,
     metric: Metric,
+    /// Joined points go to an end.
+    at_ends: bool,
 }
 
 impl Enhanced {
@@ -43,6 +45,26 @@ impl Enhanced {
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
             metric: Metric::new(surface, &options.attribute_weights),
+            at_ends: options.placement == Placement::Subset,
+        }
+    }
+
+    /// The cheaper of the allowed ends.
+    fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        let subject = self.subject(surface, [a, b], None);
+        let end = |stays: u32, goes: u32| {
+            let position = surface.points[stays as usize];
+            let mut error = subject.error_of_end(stays == b);
+            if !self.metric.is_empty() {
+                error += self.metric.deviation_of_end(surface, stays, goes);
+            }
+            let cost = error * subject.factor(self.options.curvature_weight);
+            cost.is_finite().then_some(Candidate { cost, position })
+        };
+        match fixed {
+            Some(x) if x == surface.points[a as usize] => end(a, b),
+            Some(_) => end(b, a),
+            None => [end(a, b), end(b, a)].into_iter().flatten().min_by(|x, y| x.cost.total_cmp(&y.cost)),
         }
     }
 
@@ -70,11 +92,11 @@ impl Enhanced {
         let weight = self.options.curvature_weight;
         let estimate = |edges: &[Edge; LANES]| {
             let apex = |p: u32| &self.apexes[p as usize];
-            estimate(edges.each_ref().map(|e| apex(e.a)), edges.each_ref().map(|e| apex(e.b)), weight)
+            estimate(edges.each_ref().map(|e| apex(e.a)), edges.each_ref().map(|e| apex(e.b)), weight, self.at_ends)
         };
-        let (eights, rest) = edges.as_chunks();
-        let (costs_of_eights, costs_of_rest) = costs.as_chunks_mut();
-        eights.iter().zip(costs_of_eights).for_each(|(edges, costs)| *costs = estimate(edges));
+        let (fours, rest) = edges.as_chunks();
+        let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
+        fours.iter().zip(costs_of_fours).for_each(|(edges, costs)| *costs = estimate(edges));
         if let Some(&last) = rest.last() {
             let filled = std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last));
             costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
@@ -85,7 +107,8 @@ impl Enhanced {
             candidate.map_or(UNRANKED, |c| c.cost as f32)
         };
         for (edge, cost) in edges.iter().zip(costs) {
-            if !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
+            let ends_differ = self.at_ends && !self.metric.is_empty();
+            if ends_differ || !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
                 *cost = judge(edge);
             } else if !self.metric.is_empty() {
                 let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
@@ -123,9 +146,12 @@ impl Cost for Enhanced {
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
+        if self.at_ends {
+            return self.judge_ends(surface, a, b, fixed);
+        }
         let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
         let shared = surface.ring(a).iter().filter(at_both);
-        let shared = shared.map(|&c| Facet::of(surface.triangle(Surface::face_of(c))).area_vector()).sum();
+        let shared = shared.map(|&c| self.facets[Surface::face_of(c)].area_vector()).sum();
         let start = surface.points[a as usize];
         let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
         let place = subject.place(shared, |offset| self.room.contains(start + offset));
@@ -146,10 +172,14 @@ impl Cost for Enhanced {
         area * distance_squared
     }
 
-    fn merged(&mut self, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        for &corner in surface.ring(kept) {
+            let face = Surface::face_of(corner);
+            self.facets[face] = Facet::of(surface.triangle(face));
+        }
         self.ridged[kept as usize] |= self.ridged[gone as usize];
-        let gone = self.apexes[gone as usize].curvature;
-        let kept = &mut self.apexes[kept as usize].curvature;
+        let gone = self.apexes[gone as usize].curvature();
+        let kept = self.apexes[kept as usize].curvature_mut();
         *kept = 0.5 * (*kept + gone);
     }
 
@@ -158,7 +188,8 @@ impl Cost for Enhanced {
         for p in known..surface.points.len() {
             // New points take the mean of their neighbours' curvature; the rest is rebuilt at each pass.
             let neighbours = surface.neighbours(p as u32);
-            let curvatures = neighbours.iter().filter_map(|&n| self.apexes.get(n as usize)).map(|apex| apex.curvature);
+            let curvatures =
+                neighbours.iter().filter_map(|&n| self.apexes.get(n as usize)).map(|apex| apex.curvature());
             let count = curvatures.clone().count().max(1);
             let mean = curvatures.sum::<f32>() / count as f32;
             self.apexes.push(Apex::with_curvature(mean));
@@ -167,7 +198,7 @@ impl Cost for Enhanced {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        let faces = surface.ring(point).iter().map(|&c| Facet::of(surface.triangle(Surface::face_of(c))));
+        let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
         self.metric.update(surface, point);
         if !self.ridged[point as usize] {

@@ -9,8 +9,6 @@ use glam::DVec3;
 
 /// Cosine of the largest angle by which a collapse may turn a face.
 const FLIP_COSINE: f64 = 0.2;
-/// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle.
-const NEEDLE_QUALITY: f64 = 0.06;
 
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +19,8 @@ pub(crate) enum Cause {
     Needle,
     Border,
     Seam,
+    /// A wedge has none of its group to become.
+    Unpaired,
 }
 
 impl Refusals {
@@ -30,7 +30,7 @@ impl Refusals {
             Cause::Flip => &mut self.flip,
             Cause::Needle => &mut self.needle,
             Cause::Border => &mut self.border,
-            Cause::Seam => &mut self.seam,
+            Cause::Seam | Cause::Unpaired => &mut self.seam,
         } += 1;
     }
 }
@@ -44,7 +44,7 @@ impl Cause {
             Self::Link => Some(8.0),
             Self::Seam => Some(16.0),
             Self::Border => Some(32.0),
-            Self::Flip | Self::Vanish => None,
+            Self::Flip | Self::Vanish | Self::Unpaired => None,
         }
     }
 
@@ -120,8 +120,9 @@ pub(crate) fn check_topology(
     Ok(())
 }
 
-/// Checks the faces that survive: none may turn by more than the limit; with `needles`, none may become a worse needle than was there.
-pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needles: bool) -> Result<(), Cause> {
+/// Checks the faces that survive: none may turn by more than the limit, and none of a [quality](face_quality) below `needle` become worse than the
+/// worst that was there.
+pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needle: f64) -> Result<(), Cause> {
     let mut worst = f64::INFINITY;
     for &corner in &merge.spokes {
         let [p, q] = surface.opposite(corner).map(|p| surface.points[p as usize]);
@@ -140,7 +141,7 @@ pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, nee
         let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
         squared_quality((b - a).cross(c - a).length_squared(), edges) <= worst
     };
-    if needles && worst < NEEDLE_QUALITY * NEEDLE_QUALITY && !merge.corners(surface).any(is_worse) {
+    if worst < needle * needle && !merge.corners(surface).any(is_worse) {
         return Err(Cause::Needle);
     }
     Ok(())

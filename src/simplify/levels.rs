@@ -1,11 +1,11 @@
 //! The chain: one run from fine to coarse, a snapshot at each target.
 
 use super::deviation::Deviation;
-use super::options::{Algorithm, Effort, Mode, Options, Schedule, Target};
+use super::options::{Algorithm, Effort, Mode, Options, Placement, Schedule, Target};
 use super::reducer::Reducer;
 use super::refine::Refiner;
 use super::split::{faces_added, long_edges, split_at_midpoints};
-use super::{Chain, Level, Refusals, Stop, passes, queue};
+use super::{Chain, Level, Refusals, Stop, passes, queue, vertices};
 use crate::error::Result;
 use crate::mesh::Mesh;
 
@@ -66,15 +66,28 @@ impl Builder<'_> {
     fn next_level(&mut self, target: &Target) -> Level {
         self.reducer.refusals = Refusals::default();
         let least = self.options.min_triangles.clamp(1, self.mesh.triangles.len().max(1));
-        let wanted = self.triangle_target(target, least);
-        let (mesh, mut stop) = match target.error {
+        let wanted = target.count(self.mesh.triangles.len(), least);
+        let (snapshot, mut stop) = match target.error {
             Some(error) => self.reduce_within(error, wanted.max(least)),
             None => self.reduce_with_splits(wanted.max(least)),
         };
         if stop == Stop::Target && wanted < least {
             stop = Stop::Floor;
         }
-        Level { mesh, stop, refusals: self.reducer.refusals }
+        let Snapshot { mesh, source_vertices } = snapshot;
+        Level { mesh, source_vertices, stop, refusals: self.reducer.refusals }
+    }
+
+    /// The surface as it is.
+    fn snapshot(&self) -> Snapshot {
+        let surface = &self.reducer.surface;
+        match self.options.placement {
+            Placement::Optimal => surface.to_mesh().into(),
+            Placement::Subset => {
+                let (mesh, vertices) = surface.to_subset(self.mesh);
+                Snapshot { mesh, source_vertices: Some(vertices) }
+            }
+        }
     }
 
     fn reduce(&mut self, triangles: usize) -> Stop {
@@ -83,6 +96,7 @@ impl Builder<'_> {
             match self.options.schedule {
                 Schedule::Passes => passes::run_pass(&mut self.reducer, &mut self.workspace, triangles),
                 Schedule::Queue => queue::drain(&mut self.reducer, triangles),
+                Schedule::Vertices => vertices::drain(&mut self.reducer, triangles),
             }
             if self.reducer.surface.face_count() == before {
                 return Stop::Stuck;
@@ -91,17 +105,9 @@ impl Builder<'_> {
         Stop::Target
     }
 
-    /// The count that the counting rules ask for: the first that binds on the way down is the largest. With an error rule alone, the least allowed.
-    fn triangle_target(&self, target: &Target, least: usize) -> usize {
-        let source = self.mesh.triangles.len();
-        let ratio = target.ratio.map(|r| (source as f64 * r).round() as usize);
-        let without_count = if target.error.is_some() { least } else { source };
-        [ratio, target.triangles].into_iter().flatten().max().unwrap_or(without_count)
-    }
-
     /// Goes down in steps for as long as the measured distance stays below `error`. The step too far stays done: the next level is below it.
-    fn reduce_within(&mut self, error: f64, triangles: usize) -> (Mesh, Stop) {
-        let mut kept = self.reducer.surface.to_mesh();
+    fn reduce_within(&mut self, error: f64, triangles: usize) -> (Snapshot, Stop) {
+        let mut kept = self.snapshot();
         loop {
             let count = self.reducer.surface.face_count();
             if count <= triangles {
@@ -109,8 +115,8 @@ impl Builder<'_> {
             }
             let next = ((count as f64 * ERROR_STEP) as usize).min(count - 1).max(triangles);
             let stop = self.reduce(next);
-            let tried = self.reducer.surface.to_mesh();
-            if self.deviation().of(&tried).max > error {
+            let tried = self.snapshot();
+            if self.deviation().of(&tried.mesh).max > error {
                 return (kept, Stop::Error);
             }
             kept = tried;
@@ -120,8 +126,12 @@ impl Builder<'_> {
         }
     }
 
-    fn reduce_with_splits(&mut self, triangles: usize) -> (Mesh, Stop) {
-        match (self.options.algorithm, self.options.split_factor) {
+    fn reduce_with_splits(&mut self, triangles: usize) -> (Snapshot, Stop) {
+        if self.options.placement == Placement::Subset {
+            let stop = self.reduce(triangles);
+            return (self.snapshot(), stop);
+        }
+        let (mesh, stop) = match (self.options.algorithm, self.options.split_factor) {
             (Algorithm::Esqem(Mode::Paper), Some(factor)) => self.split_as_in_paper(triangles, f64::from(factor)),
             (Algorithm::Esqem(Mode::Enhanced), _) if self.options.effort > Effort::Fast => {
                 self.reduce_and_refine(triangles)
@@ -130,7 +140,8 @@ impl Builder<'_> {
                 let stop = self.reduce(triangles);
                 (self.reducer.surface.to_mesh(), stop)
             }
-        }
+        };
+        (mesh.into(), stop)
     }
 
     /// Collapses past the target until the long edges' splits pay back exactly what is missing (ESQEM's equal counts).
@@ -180,5 +191,17 @@ impl Builder<'_> {
 
     fn deviation(&mut self) -> &Deviation {
         self.deviation.get_or_insert_with(|| Deviation::new(self.mesh))
+    }
+}
+
+/// A level in the making.
+struct Snapshot {
+    mesh: Mesh,
+    source_vertices: Option<Vec<u32>>,
+}
+
+impl From<Mesh> for Snapshot {
+    fn from(mesh: Mesh) -> Self {
+        Self { mesh, source_vertices: None }
     }
 }

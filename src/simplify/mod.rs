@@ -1,24 +1,36 @@
 //! The simplifier: one run from fine to coarse, a snapshot at each target.
 
+mod appearance;
 mod constraints;
 mod cost;
 mod deviation;
 mod enhanced;
+mod fms;
 mod guard;
 mod levels;
+mod melax;
+mod normals;
 mod options;
 mod paper;
 mod passes;
 mod placement;
 mod prune;
+mod qfvp;
 mod quadric;
 mod queue;
 mod reducer;
 mod refine;
 mod split;
+#[cfg(test)]
+mod tests;
+mod vertices;
 
 pub use levels::simplify;
-pub use options::{Algorithm, AttributeWeights, EdgePolicy, Effort, Mode, Options, Schedule, Target};
+pub use options::{
+    Algorithm, AttributeWeights, EdgePolicy, Effort, FeatureWeight, Mode, NormalUpdate, Options, Placement, Schedule,
+    Target,
+};
+pub(crate) use queue::record;
 
 use crate::mesh::Mesh;
 
@@ -34,6 +46,8 @@ pub struct Chain {
 pub struct Level {
     /// The simplified mesh: attributes and skin in the source's layout, no unused vertices.
     pub mesh: Mesh,
+    /// With [`Placement::Subset`], for each vertex of `mesh` the vertex of the source that it is, with all its attributes; else `None`.
+    pub source_vertices: Option<Vec<u32>>,
     /// Why it has the triangles it has.
     pub stop: Stop,
     /// Collapses refused since the level before, by cause.

@@ -11,6 +11,14 @@ pub struct Options {
     pub algorithm: Algorithm,
     /// `Passes` is faster, `Queue` keeps the strict order of costs.
     pub schedule: Schedule,
+    /// QFVP's w: how much the angle between the normals at an edge's ends counts.
+    pub qfvp_w: FeatureWeight,
+    /// How QFVP's normals follow collapses.
+    pub qfvp_normals: NormalUpdate,
+    /// FMS's α: how much a vertex gains in weight as collapses change the surface around it.
+    pub fms_alpha: f32,
+    /// Whether vertices may move, or only go.
+    pub placement: Placement,
     /// How much time a level may take to become better than what the collapses alone give.
     pub effort: Effort,
     /// How much Gaussian curvature counts, relative to what is usual in the [`Mode`]; 0 turns it off. In paper mode 1 is ESQEM's a = 0.01.
@@ -48,6 +56,14 @@ impl Target {
     pub fn triangles(triangles: usize) -> Self {
         Self { triangles: Some(triangles), ..Self::default() }
     }
+
+    /// The count that the counting rules ask for, of a source with this many triangles: the first that binds on the way down is the
+    /// largest. `least` where only an error ends the level, the source's count where nothing does.
+    pub fn count(&self, source: usize, least: usize) -> usize {
+        let ratio = self.ratio.map(|r| (source as f64 * r).round() as usize);
+        let without_count = if self.error.is_some() { least } else { source };
+        [ratio, self.triangles].into_iter().flatten().max().unwrap_or(without_count)
+    }
 }
 
 /// The cost and placement of a collapse.
@@ -58,6 +74,45 @@ pub enum Algorithm {
     Esqem(Mode),
     /// Quadric error metrics (Garland & Heckbert 1997).
     Qem,
+    /// Quadric error times a power of the angle between the normals at an edge's ends: the cost of a progressive mesh for mobile devices.
+    Qfvp,
+    /// Edge length² and relative curvature, by vertex: no quadrics (Meng & Song 2007).
+    Fms,
+    /// Edge length times curvature, one end moves onto the other (Melax 1998).
+    Melax,
+}
+
+impl Algorithm {
+    /// The schedule that the algorithm was made for: fast passes where results do not suffer, its paper's order otherwise.
+    pub fn natural_schedule(self) -> Schedule {
+        match self {
+            Self::Esqem(Mode::Enhanced) | Self::Qem => Schedule::Passes,
+            Self::Esqem(Mode::Paper) | Self::Qfvp | Self::Melax => Schedule::Queue,
+            Self::Fms => Schedule::Vertices,
+        }
+    }
+}
+
+/// QFVP's exponent w.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum FeatureWeight {
+    /// This one, from 0 (the quadric error alone) to 2.
+    Fixed(f64),
+    /// What the paper's net names for the source's triangles and those of the last level.
+    #[default]
+    Auto,
+    /// What a net names that looks at the shape as well.
+    Shape,
+}
+
+/// How QFVP's normals follow collapses.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum NormalUpdate {
+    /// The mean of both ends, weighted by their numbers of faces (eq. 11).
+    #[default]
+    Linear,
+    /// Anew from the faces, at the joined point and around it.
+    Recompute,
 }
 
 /// How close to the paper an algorithm stays.
@@ -78,6 +133,19 @@ pub enum Schedule {
     Passes,
     /// One collapse at a time, always the cheapest.
     Queue,
+    /// One collapse at a time, the cheapest of the vertex that is lightest. Weights further away than its neighbours lag behind (FMS).
+    Vertices,
+}
+
+/// Where the vertex of a collapsed edge goes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Placement {
+    /// Where the error is least, with attributes solved for that place.
+    #[default]
+    Optimal,
+    /// To one end of the edge, which stays as it is: levels are made of source vertices alone, so that they need only an index buffer of their own.
+    /// Nothing is split or refined.
+    Subset,
 }
 
 /// How much time a level may take.
@@ -131,6 +199,10 @@ impl Default for Options {
             min_triangles: 4,
             algorithm: Algorithm::Esqem(Mode::Enhanced),
             schedule: Schedule::Passes,
+            qfvp_w: FeatureWeight::Auto,
+            qfvp_normals: NormalUpdate::Linear,
+            fms_alpha: 1.0,
+            placement: Placement::Optimal,
             effort: Effort::Default,
             curvature_weight: 1.0,
             split_factor: Some(4.0 / 3.0),

@@ -1,7 +1,7 @@
 //! The costs of the papers: accumulated quadrics (QEM), and with Gaussian curvature added (ESQEM).
 
 use super::constraints::{Constraints, upright_planes};
-use super::cost::{Candidate, Cost, Room, cheapest};
+use super::cost::{Candidate, Cost, Reach, Room, cheapest};
 use super::options::Options;
 use super::quadric::Quadric;
 use crate::attributes::Metric;
@@ -30,12 +30,12 @@ impl Paper {
         let mut paper = Self {
             constraints: Constraints::new(options),
             room: Room::of(&surface.points),
-            quadrics: vec![Quadric::default(); surface.points.len()],
+            quadrics: face_quadrics(surface),
             curvatures: Vec::new(),
             omega: 0.0,
             metric: Metric::new(surface, &options.attribute_weights),
         };
-        paper.accumulate(surface, edges);
+        paper.add_outlines(surface, edges);
         paper
     }
 
@@ -55,13 +55,7 @@ impl Paper {
         paper
     }
 
-    fn accumulate(&mut self, surface: &Surface, edges: &[Edge]) {
-        for f in surface.live_faces() {
-            let triangle = surface.triangle(f);
-            let (normal, _) = normal_and_area(triangle);
-            let plane = Quadric::plane(normal, triangle[0], 1.0);
-            surface.face(f).iter().for_each(|&p| self.quadrics[p as usize].add(&plane));
-        }
+    fn add_outlines(&mut self, surface: &Surface, edges: &[Edge]) {
         for edge in edges.iter().filter(|e| self.constraints.weight(e.kind) > 0.0) {
             let (through, weight) = (surface.points[edge.a as usize], self.constraints.weight(edge.kind));
             for normal in upright_planes(surface, edge) {
@@ -125,17 +119,9 @@ impl Cost for Paper {
         distance_squared
     }
 
-    fn merged(&mut self, kept: u32, gone: u32) {
+    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
         let gone = self.quadrics[gone as usize];
         self.quadrics[kept as usize].add(&gone);
-    }
-
-    fn grow(&mut self, surface: &Surface) {
-        self.quadrics.resize(surface.points.len(), Quadric::default());
-        if !self.curvatures.is_empty() {
-            let new = self.curvatures.len() as u32..surface.points.len() as u32;
-            self.curvatures.extend(new.map(|p| Curvature::at(surface, p, false)));
-        }
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
@@ -146,6 +132,23 @@ impl Cost for Paper {
             *curvature = Curvature::at(surface, point, border);
         }
     }
+
+    fn reach(&self) -> Reach {
+        // Quadrics belong to their point; curvature belongs to the faces around.
+        if self.curvatures.is_empty() { Reach::Point } else { Reach::Neighbours }
+    }
+}
+
+/// For each point the sum of the planes of its faces, each of weight 1 (eq. 3 and 4).
+pub(super) fn face_quadrics(surface: &Surface) -> Vec<Quadric> {
+    let mut quadrics = vec![Quadric::default(); surface.points.len()];
+    for f in surface.live_faces() {
+        let triangle = surface.triangle(f);
+        let (normal, _) = normal_and_area(triangle);
+        let plane = Quadric::plane(normal, triangle[0], 1.0);
+        surface.face(f).iter().for_each(|&p| quadrics[p as usize].add(&plane));
+    }
+    quadrics
 }
 
 fn curvatures(surface: &Surface, edges: &[Edge]) -> Vec<Curvature> {

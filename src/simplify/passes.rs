@@ -11,12 +11,21 @@ use std::collections::BinaryHeap;
 use std::mem::take;
 
 /// Share of all faces that a pass may take at least: small steps do not pay for the ranking of all edges.
-const LEAST_SHARE: f64 = 0.2;
-/// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
-const COST_SLACK: f32 = 3.0;
+const LEAST_SHARE: f64 = 0.3;
 
-/// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
-const REORDER: f64 = 2.0;
+/// How far a pass may stray from the strict order of costs.
+#[derive(Debug, Clone, Copy)]
+struct Leeway {
+    /// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
+    slack: f32,
+    /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
+    reorder: f32,
+}
+
+/// For points that move: where they go makes up for their order.
+const FOR_MOVING: Leeway = Leeway { slack: 3.0, reorder: 2.0 };
+/// For points that stay: which of them stay is all there is to choose, and wider passes cost 5 % of the distance.
+const FOR_STAYING: Leeway = Leeway { slack: 1.1, reorder: 1.1 };
 
 /// Memory that passes share.
 #[derive(Debug, Default)]
@@ -47,7 +56,8 @@ pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target:
     let points = &mut workspace.points;
     points.clear();
     points.resize(reducer.surface.points.len(), State::Fresh);
-    let mut pace = Pace::new(excess, reducer.surface.face_count());
+    let leeway = if reducer.goes_to_ends() { FOR_STAYING } else { FOR_MOVING };
+    let mut pace = Pace::new(excess, reducer.surface.face_count(), leeway.slack);
     let mut left = excess;
     while let Some(turn) = turns.next() {
         let cost = turn.cost();
@@ -72,11 +82,16 @@ pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target:
             }
         }
         let Some(candidate) = reducer.judge(a, b) else { continue };
-        if candidate.cost > f64::from(cost) * REORDER {
+        // Compared as the turns are: what is nothing in single precision would come up again and again.
+        if candidate.cost as f32 > cost * leeway.reorder {
             turns.defer(Turn { key: (candidate.cost as f32).to_bits(), ..turn });
             continue;
         }
-        match reducer.collapse((a, b), candidate, Terms { paid: turn.paid, most: left + 1 }) {
+        match reducer.collapse(
+            (a, b),
+            candidate,
+            Terms { paid: turn.paid, most: left + 1, limit: f64::from(cost * leeway.reorder) },
+        ) {
             Outcome::Done(removed) => {
                 pace.count(cost);
                 pace.take(removed);
@@ -85,6 +100,7 @@ pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target:
                 points[b as usize] = State::Moved;
             }
             Outcome::Fined(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), paid: true, ..turn }),
+            Outcome::Later(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), ..turn }),
             Outcome::Refused => {}
         }
     }
@@ -167,16 +183,17 @@ impl Turns {
 struct Pace {
     /// Edges, collapsed or waiting, until the limit is set.
     open: usize,
+    slack: f32,
     limit: Option<f32>,
     /// Faces until the pass ends in any case.
     faces: usize,
 }
 
 impl Pace {
-    fn new(excess: usize, faces: usize) -> Self {
+    fn new(excess: usize, faces: usize, slack: f32) -> Self {
         // A collapse takes two faces.
         let aim = (excess as f64 * 0.5).max(faces as f64 * 0.5 * LEAST_SHARE).ceil() as usize;
-        Self { open: aim, limit: None, faces: 2 * aim }
+        Self { open: aim, slack, limit: None, faces: 2 * aim }
     }
 
     fn take(&mut self, faces: usize) {
@@ -186,7 +203,7 @@ impl Pace {
     fn count(&mut self, cost: f32) {
         self.open = self.open.saturating_sub(1);
         if self.open == 0 && self.limit.is_none() {
-            self.limit = Some(cost * COST_SLACK);
+            self.limit = Some(cost * self.slack);
         }
     }
 

@@ -3,17 +3,17 @@
 //! The quadrics are memoryless: every plane of a point's quadric goes through the point itself, so that a quadric is a matrix `A` alone and its value at
 //! `x` is `(x − p)ᵀ A (x − p)`. Relative to the first end, with `e` the edge and `y` the place looked for, the sum of both is least where
 //! `(A + B) y = B e`, and the volume is kept where `g · y = N_b · e`: `g` is the sum of the area vectors of the faces around both ends, `N_b` of those
-//! around the second (Lindstrom & Turk 1998, eq. 4). A pull towards the middle of the edge, two steps of it, decides where the surface does not
+//! around the second (Lindstrom & Turk 1998, eq. 4). A pull towards the middle of the edge, three steps of it, decides where the surface does not
 //! (after Trettner & Kobbelt 2020).
 //!
 //! Places are found in single precision, relative to the edge; what they cost is evaluated in double precision, since a plane's error next to nothing
 //! is the difference of large terms.
 
-use glam::{DVec3, Vec3};
-use wide::f32x8;
+use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
+use wide::f32x4;
 
 /// Edges that are estimated together.
-pub(super) const LANES: usize = 8;
+pub(super) const LANES: usize = 4;
 
 /// Pull towards the edge's midpoint, relative to the quadrics' trace.
 const STIFFNESS: f32 = 1e-5;
@@ -35,91 +35,114 @@ const LENGTH_COST: f32 = 1e-12;
 /// The quadric `Σ area · n nᵀ` is kept as `weight · m mᵀ + spread`, with the mean normal `m` and the covariance of the normals around it: that is
 /// exact where the surface is flat, even in single precision.
 #[derive(Debug, Clone, Copy, Default)]
-#[repr(C, align(64))]
+#[repr(align(64))]
 pub(super) struct Apex {
-    /// Σ area of the faces around the point.
-    weight: f32,
-    mean: [f32; 3],
-    /// xx, xy, xz, yy, yz, zz.
-    spread: [f32; 6],
-    /// |K| of the source, averaged at merges.
-    pub curvature: f32,
-    position: [f32; 3],
-    /// Fills the line.
-    rest: [f32; 2],
+    /// Σ area of the faces around the point, and their mean normal.
+    mean: [f32; 4],
+    /// The spread's xx, xy, xz, yy.
+    spread: [f32; 4],
+    /// The spread's yz, zz; |K| of the source, averaged at merges.
+    rest: [f32; 4],
+    position: [f32; 4],
 }
 
 impl Apex {
     pub fn with_curvature(curvature: f32) -> Self {
-        Self { curvature, ..Self::default() }
+        Self { rest: [0.0, 0.0, curvature, 0.0], ..Self::default() }
+    }
+
+    pub fn curvature_mut(&mut self) -> &mut f32 {
+        &mut self.rest[2]
+    }
+
+    pub fn curvature(&self) -> f32 {
+        self.rest[2]
+    }
+
+    fn weight(&self) -> f32 {
+        self.mean[0]
+    }
+
+    fn mean(&self) -> Vec3 {
+        Vec3::new(self.mean[1], self.mean[2], self.mean[3])
+    }
+
+    /// xx, xy, xz, yy, yz, zz.
+    fn spread(&self) -> [f32; 6] {
+        let [xx, xy, xz, yy] = self.spread;
+        [xx, xy, xz, yy, self.rest[0], self.rest[1]]
+    }
+
+    fn set_spread(&mut self, [xx, xy, xz, yy, yz, zz]: [f32; 6]) {
+        self.spread = [xx, xy, xz, yy];
+        (self.rest[0], self.rest[1]) = (yz, zz);
     }
 
     /// Takes the faces around the point.
     #[inline]
     pub fn set_faces(&mut self, position: DVec3, mut facets: impl Iterator<Item = Facet>) {
-        self.position = position.as_vec3().to_array();
-        let (mut weight, mut sum, mut spread) = (0.0, Vec3::ZERO, [0.0; 6]);
+        let [x, y, z] = position.as_vec3().to_array();
+        self.position = [x, y, z, 0.0];
         // Relative to the first normal, so that nothing cancels where all are alike.
-        let Some(first) = facets.next() else {
-            (self.weight, self.mean, self.spread) = (0.0, [0.0; 3], spread);
-            return;
+        let Facet(first) = facets.next().unwrap_or_default();
+        let (mut weight, mut sum, mut spread, mut rest) = (first.w, Vec4::ZERO, Vec4::ZERO, Vec4::ZERO);
+        let mut add = |heavy: Vec4, off: Vec4| {
+            spread += heavy.xxxy() * off.xyzy();
+            rest += heavy.yzyz() * off.zzzz();
         };
-        weight += first.area;
-        for facet in facets {
-            let off = facet.normal - first.normal;
-            let heavy = off * facet.area;
-            weight += facet.area;
+        for Facet(facet) in facets {
+            let off = facet - first;
+            let heavy = off * facet.w;
+            weight += facet.w;
             sum += heavy;
-            add_product(&mut spread, heavy, off);
+            add(heavy, off);
         }
-        let shift = if weight > 0.0 { sum / weight } else { Vec3::ZERO };
-        add_product(&mut spread, -sum, shift);
-        (self.weight, self.mean, self.spread) = (weight, (first.normal + shift).to_array(), spread);
+        let shift = if weight > 0.0 { sum / weight } else { Vec4::ZERO };
+        add(-sum, shift);
+        let [x, y, z, _] = (first + shift).to_array();
+        self.mean = [weight, x, y, z];
+        self.spread = spread.to_array();
+        (self.rest[0], self.rest[1]) = (rest.x, rest.y);
     }
 
     /// Adds a plane through the point.
     pub fn add_plane(&mut self, normal: DVec3, weight: f64) {
-        add_product(&mut self.spread, (normal * weight).as_vec3(), normal.as_vec3());
+        let mut spread = self.spread();
+        add_product(&mut spread, (normal * weight).as_vec3(), normal.as_vec3());
+        self.set_spread(spread);
     }
 
     /// Sum of the area vectors.
     fn normal(&self) -> Vec3 {
-        Vec3::from(self.mean) * self.weight
+        self.mean() * self.weight()
     }
 
     fn value(&self, y: Vec3) -> f32 {
-        let along = y.dot(self.mean.into());
-        self.weight * along * along + y.dot(multiply(&self.spread, y))
+        let along = y.dot(self.mean());
+        self.weight() * along * along + y.dot(multiply(&self.spread(), y))
     }
 
     fn matrix(&self) -> [f32; 6] {
-        let mut matrix = self.spread;
-        add_product(&mut matrix, self.normal(), self.mean.into());
+        let mut matrix = self.spread();
+        add_product(&mut matrix, self.normal(), self.mean());
         matrix
     }
 }
 
-/// Unit normal and area of a face; both zero where it has none.
+/// Unit normal (xyz) and area (w) of a face; all zero where it has none.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Facet {
-    normal: Vec3,
-    area: f32,
-}
+pub(super) struct Facet(Vec4);
 
 impl Facet {
     #[inline]
     pub fn of([a, b, c]: [DVec3; 3]) -> Self {
         let cross = (b - a).cross(c - a);
         let length = cross.length();
-        if length > 0.0 {
-            Self { normal: (cross / length).as_vec3(), area: (0.5 * length) as f32 }
-        } else {
-            Self::default()
-        }
+        if length > 0.0 { Self((cross / length).extend(0.5 * length).as_vec4()) } else { Self::default() }
     }
 
     pub fn area_vector(self) -> Vec3 {
-        self.normal * self.area
+        self.0.truncate() * self.0.w
     }
 }
 
@@ -158,11 +181,16 @@ impl Subject<'_> {
         Place { offset, error: f64::from(self.error(offset.as_vec3())) }
     }
 
+    /// What it costs that the second end, or the first if `backwards`, goes to the other one, which stays: area · distance².
+    pub fn error_of_end(&self, backwards: bool) -> f64 {
+        f64::from(self.error(if backwards { self.edge.as_vec3() } else { Vec3::ZERO }))
+    }
+
     /// How much an error counts here: more where the surface is curved, and where it bends between the ends.
     pub fn factor(&self, curvature_weight: f32) -> f64 {
         let [a, b] = self.ends;
         let length_squared = self.edge.length_squared() as f32;
-        f64::from(factor(a.mean, b.mean, a.curvature + b.curvature, length_squared, curvature_weight))
+        f64::from(factor(a.mean(), b.mean(), a.curvature() + b.curvature(), length_squared, curvature_weight))
     }
 
     /// The minimum near the edge: the one that keeps the volume, if that means something.
@@ -176,8 +204,8 @@ impl Subject<'_> {
         let factors = Factors::of(&joint, trace * STIFFNESS);
         let middle = edge * 0.5;
         let mut free = middle;
-        // The second step starts from the first's result: the pull's bias is squared away wherever the surface decides.
-        for _ in 0..2 {
+        // Each step starts from the last one's result: powers of the pull's bias vanish wherever the surface decides.
+        for _ in 0..3 {
             free += factors.solve(right - multiply(&joint, free));
         }
         let normal = a.normal() + b.normal() - shared;
@@ -206,26 +234,30 @@ impl Subject<'_> {
     fn error(&self, y: Vec3) -> f32 {
         let [a, b] = self.ends;
         let edge = self.edge.as_vec3();
-        (a.value(y) + b.value(y - edge)).max(0.0) + LENGTH_COST * (a.weight + b.weight) * edge.length_squared()
+        (a.value(y) + b.value(y - edge)).max(0.0) + LENGTH_COST * (a.weight() + b.weight()) * edge.length_squared()
     }
 }
 
-fn factor(a: [f32; 3], b: [f32; 3], curvature: f32, length_squared: f32, curvature_weight: f32) -> f32 {
-    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let lengths = (dot(a, a) * dot(b, b)).sqrt();
-    let cosine = if lengths > 0.0 { dot(a, b) / lengths } else { 0.0 };
+fn factor(a: Vec3, b: Vec3, curvature: f32, length_squared: f32, curvature_weight: f32) -> f32 {
+    let lengths = (a.length_squared() * b.length_squared()).sqrt();
+    let cosine = if lengths > 0.0 { a.dot(b) / lengths } else { 0.0 };
     // QFVP's factor with w = 1/8: an exponent that square roots give is the same on every machine.
     let angle = (1.0 + FLAT_ANGLE - cosine).max(0.0).sqrt().sqrt().sqrt();
     let curvature = (0.5 * curvature * length_squared).min(CURVATURE_CAP);
     (1.0 + curvature_weight * CURVATURE_SCALE * curvature) * angle
 }
 
-/// What the collapses of eight edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
-/// all that ranking needs.
+/// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
+/// all that ranking needs. With `at_ends` the least of both ends alone.
 #[inline]
-pub(super) fn estimate(first: [&Apex; LANES], second: [&Apex; LANES], curvature_weight: f32) -> [f32; LANES] {
+pub(super) fn estimate(
+    first: [&Apex; LANES],
+    second: [&Apex; LANES],
+    curvature_weight: f32,
+    at_ends: bool,
+) -> [f32; LANES] {
     let (a, b) = (Lanes::of(first), Lanes::of(second));
-    let splat = f32x8::splat;
+    let splat = f32x4::splat;
     let edge = [0, 1, 2].map(|i| b.position[i] - a.position[i]);
     // A e = weight (m · e) m + spread e.
     let times_edge = |apex: &Lanes| {
@@ -236,15 +268,18 @@ pub(super) fn estimate(first: [&Apex; LANES], second: [&Apex; LANES], curvature_
         ([0, 1, 2].map(|i| along * apex.mean[i] + spread[i]), value)
     };
     let ((u, at_end), (v, at_start)) = (times_edge(&a), times_edge(&b));
-    let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
-    let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
-    // Σ area · (n · N)², with all normals taken for their mean.
-    let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
-    let stiffness = a.weight * na * na + b.weight * nb * nb;
-    let above_middle = splat(0.25) * (at_start + at_end - slope * slope / stiffness.fast_max(splat(f32::MIN_POSITIVE)));
+    let mut error = at_start.fast_min(at_end);
+    if !at_ends {
+        let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
+        let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
+        // Σ area · (n · N)², with all normals taken for their mean.
+        let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
+        let stiffness = (a.weight * na * na + b.weight * nb * nb).fast_max(splat(f32::MIN_POSITIVE));
+        error = error.fast_min(splat(0.25) * (at_start + at_end - slope * slope / stiffness));
+    }
     let length_squared = dot(edge, edge);
     let least = splat(LENGTH_COST) * (a.weight + b.weight) * length_squared;
-    let error = at_start.fast_min(at_end).fast_min(above_middle).fast_max(splat(0.0)) + least;
+    let error = error.fast_max(splat(0.0)) + least;
 
     let lengths = (dot(a.mean, a.mean) * dot(b.mean, b.mean)).sqrt();
     let cosine = dot(a.mean, b.mean) / lengths.fast_max(splat(f32::MIN_POSITIVE));
@@ -254,34 +289,29 @@ pub(super) fn estimate(first: [&Apex; LANES], second: [&Apex; LANES], curvature_
     (error * factor).to_array()
 }
 
-/// Eight points, number by number.
+/// Four points, number by number.
 struct Lanes {
-    weight: f32x8,
-    mean: [f32x8; 3],
-    spread: [f32x8; 6],
-    curvature: f32x8,
-    position: [f32x8; 3],
+    weight: f32x4,
+    mean: [f32x4; 3],
+    spread: [f32x4; 6],
+    curvature: f32x4,
+    position: [f32x4; 3],
 }
 
 impl Lanes {
     #[inline]
     fn of(apexes: [&Apex; LANES]) -> Self {
-        let heads = apexes.map(|a| {
-            let ([x, y, z], s) = (a.mean, &a.spread);
-            f32x8::from([a.weight, x, y, z, s[0], s[1], s[2], s[3]])
-        });
-        let tails = apexes.map(|a| {
-            let ([x, y, z], s) = (a.position, &a.spread);
-            f32x8::from([s[4], s[5], a.curvature, x, y, z, a.rest[0], a.rest[1]])
-        });
-        let [weight, mx, my, mz, xx, xy, xz, yy] = f32x8::transpose(heads);
-        let [yz, zz, curvature, px, py, pz, ..] = f32x8::transpose(tails);
+        let numbers = |row: fn(&Apex) -> [f32; 4]| f32x4::transpose(apexes.map(|apex| f32x4::from(row(apex))));
+        let [weight, mx, my, mz] = numbers(|apex| apex.mean);
+        let [xx, xy, xz, yy] = numbers(|apex| apex.spread);
+        let [yz, zz, curvature, _] = numbers(|apex| apex.rest);
+        let [px, py, pz, _] = numbers(|apex| apex.position);
         Self { weight, mean: [mx, my, mz], spread: [xx, xy, xz, yy, yz, zz], curvature, position: [px, py, pz] }
     }
 }
 
 #[inline]
-fn dot(a: [f32x8; 3], b: [f32x8; 3]) -> f32x8 {
+fn dot(a: [f32x4; 3], b: [f32x4; 3]) -> f32x4 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -391,7 +421,7 @@ mod tests {
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
         let shared: Vec3 = fa[..2].iter().map(|&t| Facet::of(t).area_vector()).sum();
         let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
-        for estimate in estimate([&a; LANES], [&b; LANES], 1.0) {
+        for estimate in estimate([&a; LANES], [&b; LANES], 1.0, false) {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
         }
     }

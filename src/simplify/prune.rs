@@ -33,10 +33,15 @@ pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     pieces
 }
 
-/// Removes a piece, if its points are all `fresh` and it has no more than `most + 1` faces; gives the faces removed, at most `most`.
-pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, fresh: impl Fn(u32) -> bool) -> usize {
+/// Whether a piece's points are all `fresh` and it has no more than `most + 1` faces.
+pub(crate) fn may_remove(surface: &Surface, piece: &Piece, most: usize, fresh: impl Fn(u32) -> bool) -> bool {
     let untouched = |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| fresh(p));
-    if most == 0 || piece.faces.len() > most + 1 || !piece.faces.iter().all(untouched) {
+    most > 0 && piece.faces.len() <= most + 1 && piece.faces.iter().all(untouched)
+}
+
+/// Removes a piece that [may be removed](may_remove); gives the faces removed, at most `most`.
+pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, fresh: impl Fn(u32) -> bool) -> usize {
+    if !may_remove(surface, piece, most, fresh) {
         return 0;
     }
     piece.faces.iter().for_each(|&face| surface.remove_face(face as usize));

@@ -1,20 +1,28 @@
 //! The strict schedule: one collapse at a time, always the cheapest edge of the whole surface.
 
+use super::cost::Reach;
+use super::options::{Options, Placement};
 use super::prune;
 use super::reducer::{Outcome, Reducer, Terms};
+use crate::error::{Error, Kind, Result};
+use crate::mesh::Mesh;
+use crate::mesh::surface::Surface;
+use crate::progressive::Log;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 /// A cost as a key for sorting: costs are never negative, so their bits order as they do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Rank(u64);
+pub(crate) struct Rank(u64);
 
 impl Rank {
-    fn of(cost: f64) -> Self {
+    /// Of a cost ≥ 0.
+    pub fn of(cost: f64) -> Self {
         Self(cost.max(0.0).to_bits())
     }
 
-    fn cost(self) -> f64 {
+    /// The cost.
+    pub fn cost(self) -> f64 {
         f64::from_bits(self.0)
     }
 }
@@ -33,15 +41,19 @@ struct Queue {
     heap: BinaryHeap<Reverse<Entry>>,
     /// Raised whenever what is known about a point's edges becomes old.
     versions: Vec<u32>,
+    /// Points with an edge that was refused or fined: it gets another chance when something next to it changes.
+    waiting: Vec<bool>,
 }
 
 impl Queue {
     fn fill(reducer: &mut Reducer) -> Self {
         reducer.refresh();
         reducer.count_locked();
+        let points = reducer.surface.points.len();
         let mut queue = Self {
             heap: BinaryHeap::with_capacity(reducer.edges.len()),
-            versions: vec![0; reducer.surface.points.len()],
+            versions: vec![0; points],
+            waiting: vec![false; points],
         };
         for e in &reducer.edges {
             queue.push(reducer, e.a, e.b);
@@ -71,42 +83,78 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         let Some(Reverse(entry)) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
+            remove_piece(reducer, &piece, left, &touched);
             continue;
         };
         if entry.version != queue.version(entry.a, entry.b) {
             continue;
         }
         if let Some(piece) = pieces.next_if(|p| p.cost <= entry.rank.cost()) {
-            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
+            remove_piece(reducer, &piece, left, &touched);
             queue.heap.push(Reverse(entry));
             continue;
         }
         let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
-        let terms = Terms { paid: entry.paid, most: left + 1 };
-        match reducer.collapse((entry.a, entry.b), candidate, terms) {
-            Outcome::Done(_) => {
-                touched[entry.a as usize] = true;
-                requeue(&mut queue, reducer, entry.a, entry.b);
-            }
+        let terms = Terms { paid: entry.paid, most: left + 1, limit: entry.rank.cost() };
+        let outcome = reducer.collapse((entry.a, entry.b), candidate, terms);
+        if let Outcome::Done(_) = outcome {
+            touched[entry.a as usize] = true;
+            requeue(&mut queue, reducer, entry.a, entry.b);
+            continue;
+        }
+        [entry.a, entry.b].iter().for_each(|&p| queue.waiting[p as usize] = true);
+        match outcome {
             Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry })),
-            Outcome::Refused => {}
+            Outcome::Later(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), ..entry })),
+            Outcome::Done(_) | Outcome::Refused => {}
         }
     }
 }
 
-/// Judges anew every edge whose cost the collapse changed: those at the joined point and at its neighbours.
-fn requeue(queue: &mut Queue, reducer: &mut Reducer, kept: u32, gone: u32) {
-    let around = reducer.surface.neighbours(kept);
-    queue.versions[gone as usize] = queue.versions[gone as usize].wrapping_add(1);
-    for &p in around.iter().chain(&[kept]) {
-        reducer.cost.update(&reducer.surface, p);
-        queue.versions[p as usize] = queue.versions[p as usize].wrapping_add(1);
+/// Collapses down to `triangles`, or as far as it goes, and keeps what it takes to go back. Gives what is left, too.
+///
+/// # Errors
+/// As [`simplify`](super::simplify).
+pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result<(Log, Surface)> {
+    mesh.validate()?;
+    // The log knows no wedges that the end of an edge keeps.
+    let options = &Options { placement: Placement::Optimal, ..options.clone() };
+    let mut reducer = Reducer::new(mesh, options);
+    reducer.log = Some(Log::new(mesh, &reducer.surface));
+    let least = triangles.max(options.min_triangles);
+    let mut before = usize::MAX;
+    while reducer.surface.face_count() > least && reducer.surface.face_count() < before {
+        before = reducer.surface.face_count();
+        drain(&mut reducer, least);
     }
-    for &p in around.iter().chain(&[kept]) {
+    let lost = || Error::new(Kind::Internal, "a run has lost its log");
+    Ok((reducer.log.ok_or_else(lost)?.finished(), reducer.surface))
+}
+
+fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &[bool]) {
+    let fresh = |p: u32| !touched[p as usize];
+    if let Some(log) = reducer.log.as_mut().filter(|_| prune::may_remove(&reducer.surface, piece, most, fresh)) {
+        log.remove(&reducer.surface, &piece.faces);
+    }
+    prune::remove(&mut reducer.surface, piece, most, fresh);
+}
+
+/// Judges anew every edge whose cost the collapse changed: those at the joined point and, where costs reach so far, at its neighbours.
+fn requeue(queue: &mut Queue, reducer: &mut Reducer, kept: u32, gone: u32) {
+    let mut around = reducer.surface.neighbours(kept);
+    around.insert(0, kept);
+    around.iter().for_each(|&p| reducer.cost.update(&reducer.surface, p));
+    around.iter().for_each(|&p| reducer.cost.settle(&reducer.surface, p));
+    let everywhere = reducer.cost.reach() == Reach::Neighbours;
+    around.retain(|p| everywhere || *p == kept || queue.waiting[*p as usize]);
+    for &p in around.iter().chain(&[gone]) {
+        queue.versions[p as usize] = queue.versions[p as usize].wrapping_add(1);
+        queue.waiting[p as usize] = false;
+    }
+    for &p in &around {
         for q in reducer.surface.neighbours(p) {
             // Edges between two changed points are met from both ends.
-            if p < q || !(q == kept || around.contains(&q)) {
+            if p < q || !around.contains(&q) {
                 queue.push(reducer, p, q);
             }
         }

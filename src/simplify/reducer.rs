@@ -2,18 +2,22 @@
 
 use super::Refusals;
 use super::constraints::Constraints;
-use super::cost::{Candidate, Cost, pinned};
+use super::cost::{AtEnds, Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
+use super::fms::Fms;
 use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
-use super::options::{Algorithm, Mode, Options};
+use super::melax::Melax;
+use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use super::paper::Paper;
 use super::prune::{Piece, are_there_pieces, pieces};
+use super::qfvp::Qfvp;
 use crate::attributes::Solution;
 use crate::curvature::border_points;
 use crate::mesh::Mesh;
-use crate::mesh::edges::{Edge, Irregular, collect_edges, recollect_edges};
+use crate::mesh::edges::{Edge, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
+use crate::progressive::Log;
 use std::mem::take;
 
 /// A surface on its way from fine to coarse.
@@ -21,6 +25,8 @@ pub(crate) struct Reducer {
     pub surface: Surface,
     pub cost: Box<dyn Cost>,
     pub refusals: Refusals,
+    /// Watches what the strict schedule takes away, if somebody wants it back.
+    pub log: Option<Log>,
     /// The edges, as of the last refresh.
     pub edges: Vec<Edge>,
     /// Whether whole pieces may go: there are several.
@@ -34,33 +40,52 @@ pub(crate) struct Reducer {
     /// The collapse in work, and marks for its checks: kept for their memory.
     merge: Merge,
     marks: Marks,
+    /// Quality below which a face is a needle.
+    needle: f64,
+    /// Joined points go to an end and have its wedges.
+    to_ends: bool,
 }
 
 impl Reducer {
     /// Starts from a valid mesh.
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
         let surface = Surface::new(mesh);
-        let edges = collect_edges(&surface);
+        let irregular = Irregular::find(&surface);
+        let mut edges = Vec::new();
+        recollect_edges(&surface, &irregular, &mut edges);
         let constraints = Constraints::new(options);
         let cost: Box<dyn Cost> = match options.algorithm {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
             Algorithm::Esqem(Mode::Paper) => Box::new(Paper::esqem(&surface, &edges, options)),
             Algorithm::Qem => Box::new(Paper::qem(&surface, &edges, options)),
+            Algorithm::Qfvp => Box::new(Qfvp::new(&surface, &edges, options)),
+            Algorithm::Fms => Box::new(Fms::new(&surface, &edges, options)),
+            Algorithm::Melax => Box::new(Melax::new(&surface, &edges, options)),
+        };
+        let to_ends = options.placement == Placement::Subset;
+        // The enhanced cost knows about ends itself.
+        let cost = if to_ends && options.algorithm != Algorithm::Esqem(Mode::Enhanced) {
+            Box::new(AtEnds(cost))
+        } else {
+            cost
         };
         let points = surface.points.len();
         Self {
             cost,
             refusals: Refusals::default(),
+            log: None,
             constraints,
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
-            irregular: Irregular::of(&surface, &edges),
+            irregular,
             has_pieces: are_there_pieces(&surface),
             edges,
             surface,
             solution: Solution::default(),
             merge: Merge::default(),
             marks: Marks::default(),
+            needle: needle_quality(options),
+            to_ends,
         }
     }
 
@@ -81,8 +106,16 @@ impl Reducer {
         recollect_edges(&self.surface, &self.irregular, &mut self.edges);
     }
 
+    /// Whether joined points go to an end of their edge.
+    pub fn goes_to_ends(&self) -> bool {
+        self.to_ends
+    }
+
     /// Finds all edges as they are now, and has the cost look at them.
     pub fn refresh(&mut self) {
+        if let Some(log) = &mut self.log {
+            log.renumber(&self.surface);
+        }
         if self.surface.compact() {
             recollect_edges(&self.surface, &self.irregular, &mut self.edges);
         }
@@ -115,12 +148,47 @@ impl Reducer {
     pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
         let mut merge = take(&mut self.merge);
         merge.look(&self.surface, a, b);
-        let outcome = self.carry_out(&merge, candidate, terms);
+        let outcome = if self.to_ends {
+            self.collapse_to_end(&mut merge, candidate, terms)
+        } else {
+            self.carry_out(&mut merge, candidate, terms)
+        };
         self.merge = merge;
         outcome
     }
 
-    fn carry_out(&mut self, merge: &Merge, candidate: Candidate, terms: Terms) -> Outcome {
+    /// Tries the end that costs less, then the other one, if that may go now.
+    fn collapse_to_end(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
+        let cheaper = self.carry_out_at_end(merge, candidate, terms);
+        let fined = match cheaper {
+            Outcome::Done(_) => return cheaper,
+            Outcome::Fined(cost) => cost,
+            _ => f64::INFINITY,
+        };
+        let ends = [merge.kept, merge.gone].map(|p| self.surface.points[p as usize]);
+        let other = if candidate.position == ends[0] { ends[1] } else { ends[0] };
+        let free = !self.locked[merge.kept as usize] && !self.locked[merge.gone as usize];
+        match self.cost.judge(&self.surface, merge.kept, merge.gone, Some(other)).filter(|_| free) {
+            Some(other) if other.cost <= terms.limit => match self.carry_out_at_end(merge, other, terms) {
+                Outcome::Fined(cost) => Outcome::Fined(cost.min(fined)),
+                Outcome::Refused => cheaper,
+                done => done,
+            },
+            Some(other) if other.cost < fined => Outcome::Later(other.cost),
+            _ => cheaper,
+        }
+    }
+
+    /// Carries out a collapse to an end, whose wedges stay.
+    fn carry_out_at_end(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
+        merge.look(&self.surface, merge.kept, merge.gone);
+        if candidate.position == self.surface.points[merge.gone as usize] {
+            merge.turn();
+        }
+        self.carry_out(merge, candidate, terms)
+    }
+
+    fn carry_out(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
         let (a, b) = (merge.kept, merge.gone);
         if merge.faces.is_empty() || merge.faces.len() > terms.most {
             return Outcome::Refused;
@@ -133,32 +201,52 @@ impl Reducer {
                 .fined(&*self.cost, candidate, along.length_squared())
                 .map_or(Outcome::Refused, Outcome::Fined);
         }
-        if !self.surface.wedges.is_plain() {
+        let solves = !self.to_ends && !self.surface.wedges.is_plain();
+        if solves {
             let t = (candidate.position - start).dot(along) / along.length_squared();
             let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
             self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
+        let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
         merge.apply(&mut self.surface, candidate.position);
-        if !self.surface.wedges.is_plain() {
+        if solves {
             self.solution.write(&mut self.surface.wedges);
+        }
+        if let (Some(log), Some(entry)) = (&mut self.log, entry) {
+            log.finish(entry, &self.surface);
         }
         self.locked[a as usize] |= self.locked[b as usize];
         self.border[a as usize] |= self.border[b as usize];
         self.irregular.follow(&self.surface, a, b, terms.paid);
-        self.cost.merged(a, b);
+        self.cost.merged(&self.surface, a, b);
         Outcome::Done(merge.faces.len())
     }
 
-    fn check(&mut self, merge: &Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+    fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
         check_remains(merge)?;
-        check_shape(&self.surface, merge, candidate.position, !terms.paid)?;
+        check_shape(&self.surface, merge, candidate.position, if terms.paid { 0.0 } else { self.needle })?;
         if !terms.paid {
             check_topology(&self.surface, merge, &self.border, &mut self.marks)?;
             if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
                 return Err(Cause::Seam);
             }
         }
+        // At an end there are its own wedges only: one without a partner would get attributes from elsewhere.
+        if self.to_ends && !merge.pair_up(&self.surface, terms.paid || self.constraints.seams_are_free()) {
+            return Err(if terms.paid { Cause::Unpaired } else { Cause::Seam });
+        }
         Ok(())
+    }
+}
+
+/// Quality below which a face is a needle. Refinement brings back what stricter collapses cost in distance; the papers know no needles, and only
+/// the worst are kept from them.
+fn needle_quality(options: &Options) -> f64 {
+    match (options.algorithm, options.effort) {
+        (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
+        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.3,
+        (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
+        _ => 0.06,
     }
 }
 
@@ -169,6 +257,8 @@ pub(crate) struct Terms {
     pub paid: bool,
     /// Most faces that may go.
     pub most: usize,
+    /// What may go now: where the cheaper end of an edge is refused, the other one may cost this much.
+    pub limit: f64,
 }
 
 /// What became of a collapse.
@@ -178,6 +268,8 @@ pub(crate) enum Outcome {
     Done(usize),
     /// It may happen at this cost, when its turn comes.
     Fined(f64),
+    /// It may happen at this cost, when its turn comes, and no fine is in that.
+    Later(f64),
     /// It may not happen now.
     Refused,
 }

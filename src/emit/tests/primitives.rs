@@ -119,7 +119,7 @@ fn layout(name: &str, component: Component, normalized: bool, shape: Shape, chan
 fn geometry(layouts: Vec<Vec<AttributeLayout>>) -> Geometry {
     let primitive = |(primitive, attributes): (usize, Vec<AttributeLayout>)| {
         let first = 3 * primitive as u32;
-        PrimitiveLayout { primitive, vertices: first..first + 3, attributes, targets: Vec::new() }
+        PrimitiveLayout { primitive, vertices: first..first + 3, elements: None, attributes, targets: Vec::new() }
     };
     Geometry {
         mesh: Mesh::default(),

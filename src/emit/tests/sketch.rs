@@ -170,7 +170,7 @@ pub fn fake_lods(asset: &Asset, mesh: usize, levels: usize) -> MeshLods {
             ..geometry.mesh.clone()
         };
         round_to_storage(&mut mesh, &geometry);
-        LodLevel { mesh }
+        LodLevel { mesh, source_vertices: None }
     };
     MeshLods {
         mesh,

@@ -208,7 +208,9 @@ impl Rules<'_> {
             let Some(json) = accessor.as_u64().and_then(|a| accessors.get(a as usize)) else { return false };
             counts.insert(number(json, "count"));
             let bounds = |member| elements(json, member).iter().filter(|x| x.is_number()).count() == 3;
-            if name == "POSITION" && !(bounds("min") && bounds("max")) {
+            // What the source has, it may have without bounds.
+            let is_new = accessor.as_u64() >= Some(elements(self.sides.source, "accessors").len() as u64);
+            if is_new && name == "POSITION" && !(bounds("min") && bounds("max")) {
                 return false;
             }
         }

@@ -67,6 +67,8 @@ fn every_class_points_at_its_place_and_says_what_to_write() {
         ("cull_coverage = nan", "1:17", 3, "expected a number from 0 to 0.99, found `nan`", ""),
         ("min_triangles = 0", "1:17", 1, "expected a whole number from 1, found `0`", ""),
         ("min_triangles = 99999999999999999999", "1:17", 20, "expected a whole number from 1, found", ""),
+        ("qfvp_w = 2.5", "1:10", 3, "expected a number from 0 to 2, \"auto\" or \"shape\", found `2.5`", ""),
+        ("schedule = 'vertexes'", "1:12", 10, "unknown value `vertexes`", "did you mean `vertices`?"),
         ("split_factor = 0.5", "1:16", 3, "expected a number from 1 to 100, or false for no splits, found `0.5`", ""),
         (
             "levels = [500]",
@@ -98,6 +100,13 @@ fn every_class_points_at_its_place_and_says_what_to_write() {
         ("coverage = [0.5, 0.5]", "1:18", 3, "coverage has to fall", ""),
         ("coverage = [0.5, 0.2]", "1:12", 10, "2 coverage numbers for 3 levels", "one number for each level"),
         ("coverage = [0.5, 0.2, 0.1]\ncull_coverage = 0.1", "1:12", 15, "the last level would be culled", ""),
+        (
+            "seam = 'lock'\nalgorithm = 'meshopt'",
+            "2:13",
+            9,
+            "meshoptimizer cannot keep `seam = \"lock\"`",
+            "choose another algorithm",
+        ),
         ("naming = '{nam}_{level}'", "1:10", 15, "unknown word `{nam}`", "`{name}` and `{level}`"),
         ("naming = '{name}_LOD'", "1:10", 12, "all levels would have the same name", "add `{level}`"),
         // Patterns and rules.

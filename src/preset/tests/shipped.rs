@@ -22,6 +22,7 @@ fn defaults_stand_in_one_place() {
     assert_eq!(settings, Settings::default());
     assert_eq!(ratios(&settings), [0.5, 0.25, 0.125]);
     assert_eq!(settings.simplify, simplify::Options { levels: Vec::new(), ..simplify::Options::default() });
+    assert_eq!(settings.maker, Maker::default());
     assert_eq!(settings.samples, crate::measure::Sampling::default().samples);
     assert_eq!((settings.layout, settings.existing), (Layout::default(), Existing::default()));
     // A naming that works, and no key that only some preset sets.
