@@ -192,9 +192,9 @@ impl Wedges {
         found
     }
 
-    /// Whether wedges have anything but a group.
-    pub fn has_data(&self) -> bool {
-        self.stride > 0 || self.skin.is_some()
+    /// Numbers a row.
+    pub fn stride(&self) -> usize {
+        self.stride
     }
 
     /// Whether the wedge has joint influences.

@@ -179,21 +179,14 @@ impl Builder<'_> {
     fn reduce_and_refine(&mut self, triangles: usize) -> (Mesh, Stop) {
         let before = self.reducer.surface.face_count();
         let stop = self.reduce(triangles);
-        let plain = self.reducer.surface.to_mesh();
-        let Some(refiner) = &mut self.refiner else { return (plain, stop) };
-        if self.reducer.surface.face_count() == before {
-            return (plain, stop);
-        }
+        let Some(refiner) = self.refiner.as_mut().filter(|_| self.reducer.surface.face_count() < before) else {
+            return (self.reducer.surface.to_mesh(), stop);
+        };
         let mut surface = self.reducer.surface.clone();
-        refiner.refine(&mut surface, self.reducer.locked());
-        let refined = surface.to_mesh();
-        let deviation = self.deviation();
-        let (was, is) = (deviation.of(&plain), deviation.of(&refined));
-        if is.max > was.max || is.rms > was.rms {
-            return (plain, stop);
+        if refiner.refine(&mut surface, self.reducer.locked()) {
+            self.reducer.adopt(surface);
         }
-        self.reducer.adopt(surface);
-        (refined, stop)
+        (self.reducer.surface.to_mesh(), stop)
     }
 
     fn deviation(&mut self) -> &Deviation {

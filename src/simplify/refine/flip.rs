@@ -1,6 +1,6 @@
 //! Edge flips: the other diagonal of two faces where that is nearer to the source or better shaped.
 
-use super::level::{Level, unit_normal};
+use super::level::{Level, Manner, unit_normal};
 use crate::mesh::edges::edge_kind;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::flip_edge;
@@ -8,38 +8,41 @@ use glam::Vec3;
 
 /// Relative gain below which a flip is noise.
 const LEAST_GAIN: f32 = 1e-3;
-/// Two faces that cost less than this share of two mean ones are good enough.
-const GOOD_ENOUGH: f32 = 0.1;
 /// Cosine of the angle by which the new faces may turn from the nearer of the old, and against either.
 const TURN_COSINE: f32 = 0.3;
 
-/// Tries all edges; gives the number of flips.
-pub(super) fn flip_edges(level: &mut Level) -> usize {
-    let mut flips = 0;
+/// Tries all edges of faces that cost more than `good`.
+pub(super) fn flip_edges(level: &mut Level, good: f32) {
     for f in 0..level.surface.face_slots() {
         for k in 0..3 {
             if level.surface.is_live(f) {
                 let face = level.surface.face(f);
                 let (a, b) = (face[k], face[(k + 1) % 3]);
-                flips += usize::from(a < b && try_flip(level, a, b, false));
+                if a < b {
+                    try_flip(level, a, b, Manner::Quick { good });
+                }
             }
         }
     }
-    flips
 }
 
-/// Flips the edge between `a` and `b` if that is worth it. `thorough`: places on the faces are looked at, not samples alone.
-pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, thorough: bool) -> bool {
+/// Flips the edge between `a` and `b` if that is worth it.
+pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> bool {
     let Some((first, second, c, d)) = find_diamond(level.surface, a, b) else { return false };
     let [pa, pb, pc, pd] = [a, b, c, d].map(|p| level.point(p));
     // The shared edge comes first in either pair.
     let (faces, old, new) = ([first, second], [[pa, pb, pc], [pb, pa, pd]], [[pc, pd, pb], [pd, pc, pa]]);
     let mut before = level.gather(&faces, &old);
-    if before.cost < 2.0 * GOOD_ENOUGH * level.prices.face() && !thorough || turns(&old, &new) {
+    if let Manner::Quick { good } = manner
+        && before.cost < 2.0 * good
+    {
+        return false;
+    }
+    if turns(&old, &new) {
         return false;
     }
     let mut after = level.appraise(&new);
-    if after.turned > before.turned || (!thorough && after.cost > before.cost * (1.0 - LEAST_GAIN)) {
+    if !after.faces_like(&before) || (manner != Manner::Thorough && after.cost > before.cost * (1.0 - LEAST_GAIN)) {
         return false;
     }
     before.cost += level.price(&level.probe_pair(&old, level.foot(a).face));

@@ -1,11 +1,21 @@
 //! A level under refinement: which samples each face stands for, and what its errors are worth.
 
 use super::patch::{Appraisal, Patch};
+use super::peaks::find_worst;
 use super::prices::Prices;
 use super::source::{Foot, Source};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 use smallvec::SmallVec;
+
+/// How a move is judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Manner {
+    /// By samples and points; a mean face that costs less than `good` is not worth a try.
+    Quick { good: f32 },
+    /// By all places that the move changes.
+    Thorough,
+}
 
 /// No sample; the end of a list.
 pub(super) const NONE: u32 = u32::MAX;
@@ -104,6 +114,24 @@ impl Level<'_> {
     fn with_shapes(&self, appraisal: Appraisal, triangles: &[[Vec3; 3]]) -> Appraisal {
         let shapes: f32 = triangles.iter().map(|t| self.prices.of_shape(t)).sum();
         Appraisal { cost: appraisal.cost + shapes, ..appraisal }
+    }
+
+    /// Mean and largest squared distance of the samples and points; `thorough`: the largest of places on the faces, too.
+    pub fn error(&self, thorough: bool) -> (f32, f32) {
+        let (mut squares, mut area, mut worst) = (0.0f64, 0.0f64, 0.0f32);
+        for f in self.surface.live_faces() {
+            for s in self.lists.of(f) {
+                let (weight, squared) = (self.source.samples[s as usize].weight, self.lists.squared[s as usize]);
+                squares += f64::from(weight * squared);
+                area += f64::from(weight);
+                worst = worst.max(squared);
+            }
+            worst = worst.max(if thorough { find_worst(self, f) } else { 0.0 });
+        }
+        for foot in &self.feet {
+            worst = worst.max(foot.distance_squared);
+        }
+        ((squares / area.max(f64::MIN_POSITIVE)) as f32, worst)
     }
 
     /// Gives the patch's samples to `faces`, which are the triangles appraised last; `old` are the faces they came from.

@@ -6,6 +6,7 @@ use super::prices::Prices;
 use super::source::Sample;
 use super::step::Step;
 use glam::{BVec4A, Vec3, Vec4};
+use smallvec::SmallVec;
 
 /// Four samples of one face.
 #[derive(Debug, Clone, Copy)]
@@ -64,6 +65,15 @@ pub(super) struct Appraisal {
     pub cost: f32,
     /// Area of the samples whose nearest triangle looks the other way.
     pub turned: f32,
+    /// Triangles that look against the source.
+    pub against: usize,
+}
+
+impl Appraisal {
+    /// Whether nothing looks the other way that did not in `before`.
+    pub fn faces_like(&self, before: &Self) -> bool {
+        self.turned <= before.turned && self.against <= before.against
+    }
 }
 
 #[derive(Debug, Default)]
@@ -136,7 +146,7 @@ impl Patch {
                 block.turn = Vec4::select(closer, block.normal.dot(&plane.normal), block.turn);
             }
         }
-        self.appraise(prices)
+        self.appraise(triangles, prices)
     }
 
     /// What distances and normals cost as they are known; `triangles` are those that the samples were pushed for.
@@ -146,16 +156,51 @@ impl Patch {
         for block in &mut self.blocks {
             block.turn = block.normal.dot(&self.planes[block.which.x as usize].normal);
         }
-        self.appraise(prices)
+        self.appraise(triangles, prices)
     }
 
-    fn appraise(&self, prices: &Prices) -> Appraisal {
+    fn appraise(&self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
         let (mut cost, mut turned) = (Vec4::ZERO, Vec4::ZERO);
         for block in &self.blocks {
             cost += prices.of_samples(block.weight, block.nearest, block.turn);
             turned += Vec4::select(block.turn.cmplt(Vec4::ZERO), block.weight, Vec4::ZERO);
         }
-        Appraisal { cost: cost.element_sum(), turned: turned.element_sum() }
+        let (turned, against) = (turned.element_sum(), self.count_against(triangles));
+        Appraisal { cost: cost.element_sum(), turned, against }
+    }
+
+    /// Triangles that look against their samples in the mean, or without any, against the nearest sample.
+    fn count_against(&self, triangles: &[[Vec3; 3]]) -> usize {
+        let mut along: SmallVec<[(f32, bool); 24]> = SmallVec::from_elem((0.0, false), triangles.len());
+        for block in &self.blocks {
+            let weighed = block.weight * block.turn;
+            for k in 0..4 {
+                let (sum, any) = &mut along[block.which[k] as usize];
+                *sum += weighed[k];
+                *any |= block.weight[k] > 0.0;
+            }
+        }
+        let is_against = |(t, &(sum, any)): (&[Vec3; 3], &(f32, bool))| {
+            let normal = (t[1] - t[0]).cross(t[2] - t[0]);
+            let nearest = || self.nearest_normal((t[0] + t[1] + t[2]) / 3.0);
+            if any { sum < 0.0 } else { nearest().is_some_and(|n| n.dot(normal) < 0.0) }
+        };
+        triangles.iter().zip(&along).filter(|&pair| is_against(pair)).count()
+    }
+
+    fn nearest_normal(&self, x: Vec3) -> Option<Vec3> {
+        let at = Lanes::splat(x);
+        let mut best: (f32, Option<Vec3>) = (f32::INFINITY, None);
+        for block in &self.blocks {
+            let offset = block.position.minus(&at);
+            let squared = offset.dot(&offset);
+            for k in (0..4).filter(|&k| block.weight[k] > 0.0) {
+                if squared[k] < best.0 {
+                    best = (squared[k], Some(Vec3::new(block.normal.x[k], block.normal.y[k], block.normal.z[k])));
+                }
+            }
+        }
+        best.1
     }
 
     /// Adds the samples to the least squares problem for the first corner of all triangles. To be called after [`Self::measure_as_is`].
@@ -306,4 +351,54 @@ fn pick(mask: BVec4A, yes: (Places, Vec4), no: (Places, Vec4)) -> (Places, Vec4)
     let x = Vec4::select(mask, yes.0.x, no.0.x);
     let y = Vec4::select(mask, yes.0.y, no.0.y);
     (Places { x, y }, Vec4::select(mask, yes.1, no.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::source::closest_point;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        // Thirds and halves: points on edges and corners, and triangles without area, come up.
+        prop::array::uniform3(prop_oneof![-1.0f32..1.0, (-3i8..4).prop_map(|i| f32::from(i) / 3.0)])
+            .prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn four_at_a_time_are_as_good_as_one(
+            triangles in prop::collection::vec(prop::array::uniform3(vector()), 1..6),
+            points in prop::collection::vec(vector(), 1..20),
+        ) {
+            let mut patch = Patch::default();
+            patch.start_triangle(0);
+            for (&position, id) in points.iter().zip(0..) {
+                patch.push(id, &Sample { position, weight: 1.0, normal: Vec3::Z, face: 0 }, 0.0);
+            }
+            patch.measure(&triangles, &Prices::default());
+            let found: Vec<_> = patch.found().collect();
+            prop_assert_eq!(found.len(), points.len());
+            for (id, squared, which) in found {
+                let to = |t: &[Vec3; 3]| closest_point(*t, points[id as usize]).0.distance_squared(points[id as usize]);
+                let nearest = triangles.iter().map(to).fold(f32::INFINITY, f32::min);
+                prop_assert!((squared.sqrt() - nearest.sqrt()).abs() < 1e-3, "{} {}", squared, nearest);
+                prop_assert!((to(&triangles[which]).sqrt() - nearest.sqrt()).abs() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn a_sample_above_a_corner_pulls_that_corner() {
+        let fan = [[Vec3::ZERO, Vec3::X, Vec3::Y]];
+        let mut patch = Patch::default();
+        patch.start_triangle(0);
+        patch.push(0, &Sample { position: Vec3::Z * 0.1, weight: 1.0, normal: Vec3::Z, face: 0 }, 0.01);
+        let prices = Prices::default();
+        patch.measure_as_is(&fan, &prices);
+        let mut step = Step::default();
+        patch.add_to(&mut step, &prices);
+        let (found, _) = step.solve().unwrap_or_default();
+        assert!(found.distance(Vec3::Z * 0.1 / 1.02) < 1e-6, "{found}");
+    }
 }

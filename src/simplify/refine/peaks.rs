@@ -1,7 +1,7 @@
 //! The worst spots: where the level is farthest from the source, in either direction, edges flip and points move.
 
 use super::flip::try_flip;
-use super::level::{Level, centre, unit_normal};
+use super::level::{Level, Manner, centre, unit_normal};
 use super::probe::EDGE_PLACES;
 use super::relocate::relocate;
 use super::source::Foot;
@@ -21,21 +21,21 @@ struct Ranked {
     stamp: u32,
 }
 
-/// Works on up to `most` spots, the worst first.
-pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize) {
-    let mut peaks = Peaks::new(level);
+/// Works on up to `most` spots, the worst first. Not `thorough`: those that samples and points tell of.
+pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, thorough: bool) {
+    let mut peaks = Peaks::new(level, thorough);
     for _ in 0..most {
         let Some((face, squared)) = peaks.pop(level) else { break };
         level.prices.set_peak(squared * PEAK_SHARE);
         let corners = level.surface.face(face);
         let mut touched: SmallVec<[u32; 12]> = SmallVec::new();
         for k in 0..3 {
-            if try_flip(level, corners[k], corners[(k + 1) % 3], true) {
+            if try_flip(level, corners[k], corners[(k + 1) % 3], Manner::Thorough) {
                 touched.extend(corners);
             }
         }
         for p in corners {
-            if !fixed[p as usize] && relocate(level, p, true) {
+            if !fixed[p as usize] && relocate(level, p, Manner::Thorough) {
                 touched.push(p);
             }
         }
@@ -51,8 +51,9 @@ struct Peaks {
 }
 
 impl Peaks {
-    fn new(level: &Level) -> Self {
-        let rank = |f: usize| Ranked { squared: find_worst(level, f).to_bits(), face: f as u32, stamp: 0 };
+    fn new(level: &Level, thorough: bool) -> Self {
+        let find = if thorough { find_worst } else { find_worst_known };
+        let rank = |f: usize| Ranked { squared: find(level, f).to_bits(), face: f as u32, stamp: 0 };
         Self { heap: level.surface.live_faces().map(rank).collect(), stamps: vec![0; level.surface.face_slots()] }
     }
 
@@ -81,13 +82,12 @@ impl Peaks {
 }
 
 /// The largest squared distance of a face's samples, corners, centre and places along its edges.
-fn find_worst(level: &Level, face: usize) -> f32 {
+pub(super) fn find_worst(level: &Level, face: usize) -> f32 {
     let triangle = level.triangle(face);
     let [a, b, c] = triangle;
     let normal = unit_normal(&triangle);
     let feet = level.surface.face(face).map(|p| level.foot(p));
-    let samples = level.lists.of(face).map(|s| level.lists.squared[s as usize]);
-    let mut worst = samples.chain(feet.map(|foot| foot.distance_squared)).fold(0.0, f32::max);
+    let mut worst = find_worst_known(level, face);
     let mut look = |place: Vec3, start: u32| {
         worst = worst.max(look_back(level, face, place, normal, start).distance_squared);
     };
@@ -96,6 +96,12 @@ fn find_worst(level: &Level, face: usize) -> f32 {
         EDGE_PLACES.iter().for_each(|&(along, _)| look(p.lerp(q, along), feet[k].face));
     }
     worst
+}
+
+/// The largest squared distance of a face's samples and corners.
+fn find_worst_known(level: &Level, face: usize) -> f32 {
+    let samples = level.lists.of(face).map(|s| level.lists.squared[s as usize]);
+    samples.chain(level.surface.face(face).map(|p| level.foot(p).distance_squared)).fold(0.0, f32::max)
 }
 
 /// The source's closest point to a place on a face, from the face's nearest sample that looks its way or else from `start`.

@@ -4,7 +4,7 @@
 //! goes as far as several of the original ones. The point's own distance to the source takes part: nothing else holds back a point that sticks
 //! out, as no sample is near it.
 
-use super::level::{Level, Triangles, area, unit_normal};
+use super::level::{Level, Manner, Triangles, area, unit_normal};
 use super::step::Step;
 
 /// Relative gain below which a step is noise, promised and kept.
@@ -17,8 +17,9 @@ const TURN_COSINE: f32 = 0.3;
 /// Share of the faces' area that the point alone stands for.
 const POINT_SHARE: f32 = 0.02;
 
-/// Tries to move `p`; whether it moved. `thorough`: all places that move with it are looked at, not samples and the point alone.
-pub(super) fn relocate(level: &mut Level, p: u32, thorough: bool) -> bool {
+/// Tries to move `p`; whether it moved.
+pub(super) fn relocate(level: &mut Level, p: u32, manner: Manner) -> bool {
+    let thorough = manner == Manner::Thorough;
     let (faces, fan) = level.fan(p);
     if faces.is_empty() {
         return false;
@@ -26,6 +27,11 @@ pub(super) fn relocate(level: &mut Level, p: u32, thorough: bool) -> bool {
     let own_area = fan.iter().map(area).sum::<f32>() * level.prices.density * POINT_SHARE;
     let foot = level.foot(p);
     let mut before = level.gather(&faces, &fan);
+    if let Manner::Quick { good } = manner
+        && before.cost < good * faces.len() as f32
+    {
+        return false;
+    }
     let mut step = Step::default();
     level.patch.add_to(&mut step, &level.prices);
     if thorough {
@@ -48,7 +54,7 @@ pub(super) fn relocate(level: &mut Level, p: u32, thorough: bool) -> bool {
         }
         let mut after = level.appraise(&moved);
         let most = before.cost * (1.0 - LEAST_GAIN);
-        if after.turned > before.turned || after.cost > most {
+        if after.cost > most || !after.faces_like(&before) {
             continue;
         }
         let foot = level.look_back(new, foot.face);

@@ -243,3 +243,57 @@ fn gather_faces(points: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     }
     (starts, around)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::bumpy_sphere;
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn samples_stand_for_the_whole_area() {
+        let source = Source::new(&Surface::new(&bumpy_sphere(8, 0.0)));
+        let faces = source.faces.len();
+        assert_eq!(source.samples.len(), source.points.len() + faces * 3 / 2 + faces);
+        let chosen = source.choose(faces);
+        let all: Vec<usize> = chosen.collect();
+        assert!((faces..2 * faces).contains(&all.len()), "{} of {faces}", all.len());
+        assert!((0..source.vertices).all(|v| all[v] == v));
+    }
+
+    proptest! {
+        #[test]
+        fn a_walk_from_the_same_side_finds_the_closest_point(direction in prop::array::uniform3(-1.0f32..1.0), height in 1.0f32..1.3) {
+            let source = Source::new(&Surface::new(&bumpy_sphere(8, 0.0)));
+            let Some(direction) = Vec3::from(direction).try_normalize() else { return Ok(()) };
+            let x = direction * height;
+            let near = (0..source.faces.len() as u32)
+                .filter(|&f| source.triangle(f)[0].dot(direction) > 0.0)
+                .max_by(|&a, &b| source.triangle(a)[0].dot(direction).total_cmp(&source.triangle(b)[0].dot(direction)));
+            let Some(start) = near else { return Ok(()) };
+            let walked = source.walk(x, start);
+            let none = Foot { distance_squared: f32::INFINITY, point: x, face: u32::MAX };
+            let searched = source.search(x, none);
+            // Rounded positions make shallow dents that a walk may end in.
+            prop_assert!(walked.distance_squared.sqrt() <= searched.distance_squared.sqrt() * 1.01 + 1e-4);
+            prop_assert_eq!(source.walk(x, u32::MAX).face, searched.face);
+        }
+    }
+
+    #[test]
+    fn closest_points_of_a_triangle() {
+        let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let cases = [
+            (Vec3::new(0.25, 0.25, 1.0), Vec3::new(0.25, 0.25, 0.0), Feature::Inside),
+            (Vec3::new(-1.0, -1.0, 0.0), Vec3::ZERO, Feature::Corner(0)),
+            (Vec3::new(0.5, -1.0, 0.0), Vec3::new(0.5, 0.0, 0.0), Feature::Edge(0)),
+            (Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.5, 0.5, 0.0), Feature::Edge(1)),
+            (Vec3::new(-1.0, 0.5, 0.0), Vec3::new(0.0, 0.5, 0.0), Feature::Edge(2)),
+        ];
+        for (x, expected, feature) in cases {
+            let (point, weights, found) = closest_point(triangle, x);
+            assert_eq!((point, found), (expected, feature), "{x}");
+            assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        }
+    }
+}

@@ -53,3 +53,30 @@ impl Step {
         step.is_finite().then(|| (step, step.dot(right)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_pulls_along_the_axes_add_up() {
+        let mut step = Step::default();
+        for residual in [Vec3::X, Vec3::Y * -2.0, Vec3::Z * 0.5] {
+            step.add(residual, 1.0, 1.0);
+        }
+        let (found, promise) = step.solve().unwrap_or_default();
+        // The damping holds back by three times 2 %.
+        let expected = Vec3::new(1.0, -2.0, 0.5) / 1.06;
+        assert!(found.distance(expected) < 1e-6, "{found}");
+        assert!((promise - 5.25 / 1.06).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_place_that_follows_by_half_moves_the_point_twice_as_far() {
+        let mut step = Step::default();
+        step.add(Vec3::X, 0.5, 1e3);
+        let (found, _) = step.solve().unwrap_or_default();
+        assert!(found.distance(Vec3::X * 2.0 / 1.02) < 1e-5, "{found}");
+        assert!(Step::default().solve().is_none());
+    }
+}

@@ -1,0 +1,155 @@
+use super::super::deviation::Deviation;
+use super::super::options::{EdgePolicy, Options};
+use super::super::passes::{Workspace, run_pass};
+use super::super::reducer::Reducer;
+use super::*;
+use crate::mesh::edges::Edge;
+use crate::mesh::{Attribute, Mesh, Semantic};
+use proptest::prelude::*;
+
+/// A sphere of 6 · 2 · n² triangles with bumps of this height.
+pub(super) fn bumpy_sphere(n: u32, bumps: f32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for side in 0..6 {
+        let base = mesh.positions.len() as u32;
+        let at = |i: u32| (i as f32 / n as f32 * 2.0 - 1.0) * std::f32::consts::FRAC_PI_4;
+        for (j, i) in (0..=n).flat_map(|j| (0..=n).map(move |i| (j, i))) {
+            let [u, v] = [at(i).tan(), at(j).tan()];
+            let p = match side {
+                0 => [1.0, u, v],
+                1 => [-1.0, v, u],
+                2 => [v, 1.0, u],
+                3 => [u, -1.0, v],
+                4 => [u, v, 1.0],
+                _ => [v, u, -1.0],
+            };
+            let p = Vec3::from(p).normalize();
+            let height = (p.x * 5.0).sin() * (p.y * 4.0).cos() + (p.z * 9.0).sin() * 0.5;
+            // Rounded, so that the sides weld.
+            mesh.positions.push((p * (1.0 + bumps * height) * 1e4).round().to_array().map(|x| x / 1e4));
+        }
+        for (j, i) in (0..n).flat_map(|j| (0..n).map(move |i| (j, i))) {
+            let [a, b, c, d] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| base + j * (n + 1) + i);
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    mesh
+}
+
+/// A sheet with these heights at its points, by rows of `n + 1`.
+fn sheet(n: u32, heights: &[f32]) -> Mesh {
+    let mut mesh = Mesh::default();
+    for (j, i) in (0..=n).flat_map(|j| (0..=n).map(move |i| (j, i))) {
+        let height = heights.get((j * (n + 1) + i) as usize).copied().unwrap_or(0.0);
+        mesh.positions.push([i as f32 / n as f32, j as f32 / n as f32, height]);
+    }
+    for (j, i) in (0..n).flat_map(|j| (0..n).map(move |i| (j, i))) {
+        let [a, b, c, d] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)].map(|(i, j)| j * (n + 1) + i);
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    mesh
+}
+
+fn collapse(mesh: &Mesh, options: &Options, triangles: usize) -> (Reducer, Refiner) {
+    let mut reducer = Reducer::new(mesh, options);
+    let refiner = Refiner::new(&reducer.surface, options.effort);
+    let mut workspace = Workspace::default();
+    while reducer.surface.face_count() > triangles {
+        let before = reducer.surface.face_count();
+        run_pass(&mut reducer, &mut workspace, triangles);
+        if reducer.surface.face_count() == before {
+            break;
+        }
+    }
+    (reducer, refiner)
+}
+
+fn special_edges(surface: &Surface) -> Vec<(u32, u32, bool)> {
+    let kind = |e: &Edge| (e.a, e.b, e.kind.has(crate::mesh::edges::EdgeKind::BORDER));
+    let mut edges: Vec<_> = collect_edges(surface).iter().filter(|e| !e.kind.is_plain()).map(kind).collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// Faces that look away from the source's face nearest to their centre: by more than a right angle, as rough sources have faces next to each other
+/// that nearly make one.
+fn count_turned(source: &Source, surface: &Surface) -> usize {
+    let is_turned = |&f: &usize| {
+        let [a, b, c] = surface.triangle(f).map(|p| p.as_vec3());
+        let x = (a + b + c) / 3.0;
+        let foot = source.walk(x, NONE);
+        let [p, q, r] = source.triangle(foot.face);
+        (b - a).cross(c - a).normalize_or_zero().dot((q - p).cross(r - p).normalize_or_zero()) < -0.3
+    };
+    surface.live_faces().filter(is_turned).count()
+}
+
+#[test]
+fn levels_come_nearer_and_best_at_least_as_near() {
+    let mesh = bumpy_sphere(24, 0.08);
+    let deviation = Deviation::new(&mesh);
+    let distances = [Effort::Default, Effort::Best].map(|effort| {
+        let (reducer, mut refiner) = collapse(&mesh, &Options { effort, ..Options::default() }, 700);
+        let mut surface = reducer.surface.clone();
+        assert!(refiner.refine(&mut surface, reducer.locked()));
+        let (was, is) = (deviation.of(&reducer.surface.to_mesh()), deviation.of(&surface.to_mesh()));
+        [is.rms / was.rms, is.max / was.max]
+    });
+    let [default, best] = distances;
+    assert!(default[0] < 0.99 && default[1] < 0.95, "{default:?}");
+    assert!(best[0] < default[0] && best[1] < default[1], "{best:?} {default:?}");
+}
+
+#[test]
+fn what_cannot_be_better_stays() {
+    let flat = sheet(12, &[]);
+    let (reducer, mut refiner) = collapse(&flat, &Options { effort: Effort::Best, ..Options::default() }, 60);
+    let mut surface = reducer.surface.clone();
+    refiner.refine(&mut surface, reducer.locked());
+    assert!(surface.points.iter().all(|p| p.z.abs() < 1e-6));
+}
+
+#[test]
+fn normals_are_fitted_to_the_source() {
+    let mut mesh = bumpy_sphere(16, 0.0);
+    let values = mesh.positions.iter().flat_map(|p| *p).collect();
+    mesh.attributes = vec![Attribute { semantic: Semantic::Normal, width: 3, values }];
+    let (reducer, mut refiner) = collapse(&mesh, &Options { effort: Effort::Default, ..Options::default() }, 300);
+    let mut surface = reducer.surface.clone();
+    refiner.refine(&mut surface, reducer.locked());
+    let level = surface.to_mesh();
+    let normals = level.attribute(Semantic::Normal).map_or(&[][..], |a| &a.values);
+    assert_eq!(normals.len(), level.positions.len() * 3);
+    for (p, n) in level.positions.iter().zip(normals.chunks(3)) {
+        let cosine = Vec3::from(*p).normalize().dot(Vec3::from_slice(n));
+        assert!(cosine > 0.995, "{p:?} {n:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #[test]
+    fn sheets_keep_their_edges_their_count_and_their_side(
+        heights in prop::collection::vec(-0.03f32..0.03, 15 * 15),
+        target in 60usize..300,
+        best in any::<bool>(),
+        lock in any::<bool>(),
+    ) {
+        let mesh = sheet(14, &heights);
+        let border = if lock { EdgePolicy::Lock } else { EdgePolicy::Preserve };
+        let effort = if best { Effort::Best } else { Effort::Default };
+        let options = Options { effort, border, ..Options::default() };
+        let (reducer, mut refiner) = collapse(&mesh, &options, target);
+        let before = &reducer.surface;
+        let mut after = before.clone();
+        refiner.refine(&mut after, reducer.locked());
+        prop_assert_eq!(before.face_count(), after.face_count());
+        let special = special_edges(before);
+        prop_assert_eq!(&special, &special_edges(&after));
+        let locked = (0..before.points.len()).filter(|&p| reducer.locked()[p]);
+        for p in special.iter().flat_map(|e| [e.0 as usize, e.1 as usize]).chain(locked) {
+            prop_assert_eq!(before.points[p], after.points[p]);
+        }
+        prop_assert!(count_turned(&refiner.source, &after) <= count_turned(&refiner.source, before));
+    }
+}
