@@ -244,7 +244,7 @@ impl Reducer {
 fn needle_quality(options: &Options) -> f64 {
     match (options.algorithm, options.effort) {
         (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
-        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.3,
+        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.2,
         (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
         _ => 0.06,
     }
