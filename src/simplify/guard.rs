@@ -2,7 +2,6 @@
 
 use super::Refusals;
 use super::cost::{Candidate, Cost};
-use super::options::{Algorithm, Mode};
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
@@ -10,10 +9,6 @@ use glam::DVec3;
 
 /// Cosine of the largest angle by which a collapse may turn a face.
 const FLIP_COSINE: f64 = 0.2;
-/// Quality (4√3·area / Σ edge²: 1 equilateral, 0 degenerate) below which a face is a needle.
-const NEEDLE_QUALITY: f64 = 0.16;
-/// The same for the papers' costs, which have no such rule: only what is degenerate. More would cost them distance.
-const PAPER_NEEDLE_QUALITY: f64 = 0.06;
 
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,12 +120,8 @@ pub(crate) fn check_topology(
     Ok(())
 }
 
-/// Quality below which an algorithm takes a face for a needle.
-pub(crate) fn needle_quality(algorithm: Algorithm) -> f64 {
-    if algorithm == Algorithm::Esqem(Mode::Enhanced) { NEEDLE_QUALITY } else { PAPER_NEEDLE_QUALITY }
-}
-
-/// Checks the faces that survive: none may turn by more than the limit, none may become a worse needle than was there, of a quality below `needle`.
+/// Checks the faces that survive: none may turn by more than the limit, and none of a [quality](face_quality) below `needle` become worse than the
+/// worst that was there.
 pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needle: f64) -> Result<(), Cause> {
     let mut worst = f64::INFINITY;
     for &corner in &merge.spokes {

@@ -5,9 +5,9 @@ use super::constraints::Constraints;
 use super::cost::{AtEnds, Candidate, Cost, pinned};
 use super::enhanced::Enhanced;
 use super::fms::Fms;
-use super::guard::{Cause, Marks, check_remains, check_shape, check_topology, needle_quality};
+use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
 use super::melax::Melax;
-use super::options::{Algorithm, Mode, Options, Placement};
+use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use super::paper::Paper;
 use super::prune::{Piece, are_there_pieces, pieces};
 use super::qfvp::Qfvp;
@@ -32,8 +32,6 @@ pub(crate) struct Reducer {
     /// Whether whole pieces may go: there are several.
     has_pieces: bool,
     constraints: Constraints,
-    /// Quality below which a face is a needle.
-    needle: f64,
     locked: Vec<bool>,
     /// Points on open borders.
     border: Vec<bool>,
@@ -42,6 +40,8 @@ pub(crate) struct Reducer {
     /// The collapse in work, and marks for its checks: kept for their memory.
     merge: Merge,
     marks: Marks,
+    /// Quality below which a face is a needle.
+    needle: f64,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
 }
@@ -75,7 +75,6 @@ impl Reducer {
             refusals: Refusals::default(),
             log: None,
             constraints,
-            needle: needle_quality(options.algorithm),
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
             irregular,
@@ -85,6 +84,7 @@ impl Reducer {
             solution: Solution::default(),
             merge: Merge::default(),
             marks: Marks::default(),
+            needle: needle_quality(options),
             to_ends,
         }
     }
@@ -236,6 +236,17 @@ impl Reducer {
             return Err(if terms.paid { Cause::Unpaired } else { Cause::Seam });
         }
         Ok(())
+    }
+}
+
+/// Quality below which a face is a needle. Refinement brings back what stricter collapses cost in distance; the papers know no needles, and only
+/// the worst are kept from them.
+fn needle_quality(options: &Options) -> f64 {
+    match (options.algorithm, options.effort) {
+        (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
+        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.3,
+        (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
+        _ => 0.06,
     }
 }
 
