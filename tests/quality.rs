@@ -82,7 +82,11 @@ fn closed_surfaces_stay_closed_at_every_level() {
             }
             let place = format!("{} level {number}", relative.display());
             assert_eq!(open_edges(&after), 0, "{place} has gaps");
-            assert!(volume(&after) / volume(&before) > 0.8, "{place} lost its volume: {}", volume(&after) / volume(&before));
+            assert!(
+                volume(&after) / volume(&before) > 0.8,
+                "{place} lost its volume: {}",
+                volume(&after) / volume(&before)
+            );
             closed.insert(relative.clone());
         }
     }

@@ -48,6 +48,9 @@ pub(super) fn relocate(level: &mut Level, p: u32, manner: Manner) -> bool {
     }
     for scale in SCALES {
         let new = fan[0][0] + step * scale;
+        if !level.source.room.contains(new.as_dvec3()) {
+            continue;
+        }
         let moved: Triangles = fan.iter().map(|t| [new, t[1], t[2]]).collect();
         if fan.iter().zip(&moved).any(|(o, n)| unit_normal(o).dot(unit_normal(n)) < TURN_COSINE) {
             continue;

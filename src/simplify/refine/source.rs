@@ -1,5 +1,6 @@
 //! The source surface as refinement sees it: samples to be near to, and a way to find the closest point from a place nearby.
 
+use super::super::cost::Room;
 use crate::bvh::Bvh;
 use crate::mesh::surface::Surface;
 use glam::Vec3;
@@ -16,6 +17,8 @@ pub(crate) struct Source {
     /// The first so many samples are vertices.
     vertices: usize,
     tree: Bvh,
+    /// Where points may go.
+    pub room: Room,
 }
 
 /// A point of the source.
@@ -44,7 +47,8 @@ impl Source {
         let (starts, around) = gather_faces(points.len(), &faces);
         let corners: Vec<[f32; 3]> = points.iter().map(|p| p.to_array()).collect();
         let tree = Bvh::new(&corners, &faces);
-        let mut source = Self { points, faces, starts, around, samples: Vec::new(), vertices: 0, tree };
+        let room = Room::of(&surface.points);
+        let mut source = Self { points, faces, starts, around, samples: Vec::new(), vertices: 0, tree, room };
         source.take_samples();
         source
     }
