@@ -1,8 +1,8 @@
 //! The source surface as refinement sees it: samples to be near to, and a way to find the closest point from a place nearby.
 
-use super::super::cost::Room;
 use crate::bvh::Bvh;
 use crate::mesh::surface::Surface;
+use crate::simplify::cost::Room;
 use glam::Vec3;
 
 /// A source surface in the unit frame, single precision: made once for a chain.
