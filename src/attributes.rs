@@ -316,8 +316,9 @@ impl Term {
     }
 }
 
-/// Adds the upper half of `a bᵀ`.
-fn add_product(m: &mut [f32], a: Vec3, b: Vec3) {
+/// Adds the upper half of `a bᵀ`: xx, xy, xz, yy, yz, zz.
+#[inline]
+pub(crate) fn add_product(m: &mut [f32], a: Vec3, b: Vec3) {
     let products = [a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z];
     m.iter_mut().zip(products).for_each(|(m, p)| *m += p);
 }

@@ -28,11 +28,14 @@ pub(crate) trait Cost: Send + Sync {
 
     /// About what all `edges` cost, to put them in order; [`UNRANKED`] where there is no candidate.
     fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
-        let judge = |e: &Edge| {
-            let candidate = pinned(surface, locked, e.a, e.b).and_then(|pin| self.judge(surface, e.a, e.b, pin));
-            candidate.map_or(UNRANKED, |c| c.cost as f32)
-        };
-        edges.par_iter().map(judge).collect_into_vec(costs);
+        edges.par_iter().map(|edge| self.rank_exactly(surface, edge, locked)).collect_into_vec(costs);
+    }
+
+    /// What an edge costs, as judged; [`UNRANKED`] where there is no candidate.
+    fn rank_exactly(&self, surface: &Surface, edge: &Edge, locked: &[bool]) -> f32 {
+        let candidate =
+            pinned(surface, locked, edge.a, edge.b).and_then(|pin| self.judge(surface, edge.a, edge.b, pin));
+        candidate.map_or(UNRANKED, |c| c.cost as f32)
     }
 
     /// What attributes count; up to date as the rest is.
@@ -133,8 +136,8 @@ pub(crate) fn cheapest(positions: &[DVec3], cost: impl Fn(DVec3) -> f64) -> Opti
 /// stick out far.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Room {
-    pub low: DVec3,
-    pub high: DVec3,
+    low: DVec3,
+    high: DVec3,
 }
 
 impl Room {

@@ -7,7 +7,7 @@
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
 use super::constraints::{Constraints, upright_planes};
-use super::cost::{Candidate, Cost, Room, UNRANKED, pinned};
+use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::options::{Options, Placement};
 use super::placement::{Apex, Facet, LANES, Subject, estimate};
 use crate::attributes::Metric;
@@ -101,15 +101,10 @@ impl Enhanced {
             let filled = std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last));
             costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
         }
-        let judge = |edge: &Edge| {
-            let candidate =
-                pinned(surface, locked, edge.a, edge.b).and_then(|pin| self.judge(surface, edge.a, edge.b, pin));
-            candidate.map_or(UNRANKED, |c| c.cost as f32)
-        };
         for (edge, cost) in edges.iter().zip(costs) {
             let ends_differ = self.at_ends && !self.metric.is_empty();
             if ends_differ || !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
-                *cost = judge(edge);
+                *cost = self.rank_exactly(surface, edge, locked);
             } else if !self.metric.is_empty() {
                 let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
                 let attributes = self.metric.deviation(surface, edge.a, edge.b, middle);

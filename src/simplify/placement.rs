@@ -9,6 +9,7 @@
 //! Places are found in single precision, relative to the edge; what they cost is evaluated in double precision, since a plane's error next to nothing
 //! is the difference of large terms.
 
+use crate::attributes::add_product;
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 use wide::f32x4;
 
@@ -146,13 +147,6 @@ impl Facet {
     }
 }
 
-/// Adds the upper half of `a bᵀ`.
-#[inline]
-fn add_product(m: &mut [f32; 6], a: Vec3, b: Vec3) {
-    let products = [a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z];
-    m.iter_mut().zip(products).for_each(|(m, p)| *m += p);
-}
-
 /// An edge and what is known of its ends.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Subject<'a> {
@@ -189,8 +183,10 @@ impl Subject<'_> {
     /// How much an error counts here: more where the surface is curved, and where it bends between the ends.
     pub fn factor(&self, curvature_weight: f32) -> f64 {
         let [a, b] = self.ends;
-        let length_squared = self.edge.length_squared() as f32;
-        f64::from(factor(a.mean(), b.mean(), a.curvature() + b.curvature(), length_squared, curvature_weight))
+        let [m, n] = [a.mean(), b.mean()].map(|mean| mean.to_array().map(f32x4::splat));
+        let (curvature, square) = (a.curvature() + b.curvature(), self.edge.length_squared() as f32);
+        let all = factor(m, n, f32x4::splat(curvature), f32x4::splat(square), curvature_weight);
+        f64::from(all.to_array()[0])
     }
 
     /// The minimum near the edge: the one that keeps the volume, if that means something.
@@ -238,13 +234,16 @@ impl Subject<'_> {
     }
 }
 
-fn factor(a: Vec3, b: Vec3, curvature: f32, length_squared: f32, curvature_weight: f32) -> f32 {
-    let lengths = (a.length_squared() * b.length_squared()).sqrt();
-    let cosine = if lengths > 0.0 { a.dot(b) / lengths } else { 0.0 };
+/// How much an error counts between two mean normals, with the sum of the ends' curvatures.
+#[inline]
+fn factor(a: [f32x4; 3], b: [f32x4; 3], curvature: f32x4, length_squared: f32x4, curvature_weight: f32) -> f32x4 {
+    let splat = f32x4::splat;
+    let lengths = (dot(a, a) * dot(b, b)).sqrt();
+    let cosine = dot(a, b) / lengths.fast_max(splat(f32::MIN_POSITIVE));
     // QFVP's factor with w = 1/8: an exponent that square roots give is the same on every machine.
-    let angle = (1.0 + FLAT_ANGLE - cosine).max(0.0).sqrt().sqrt().sqrt();
-    let curvature = (0.5 * curvature * length_squared).min(CURVATURE_CAP);
-    (1.0 + curvature_weight * CURVATURE_SCALE * curvature) * angle
+    let angle = (splat(1.0 + FLAT_ANGLE) - cosine).fast_max(splat(0.0)).sqrt().sqrt().sqrt();
+    let curvature = (splat(0.5) * curvature * length_squared).fast_min(splat(CURVATURE_CAP));
+    (splat(1.0) + splat(curvature_weight * CURVATURE_SCALE) * curvature) * angle
 }
 
 /// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
@@ -280,12 +279,7 @@ pub(super) fn estimate(
     let length_squared = dot(edge, edge);
     let least = splat(LENGTH_COST) * (a.weight + b.weight) * length_squared;
     let error = error.fast_max(splat(0.0)) + least;
-
-    let lengths = (dot(a.mean, a.mean) * dot(b.mean, b.mean)).sqrt();
-    let cosine = dot(a.mean, b.mean) / lengths.fast_max(splat(f32::MIN_POSITIVE));
-    let angle = (splat(1.0 + FLAT_ANGLE) - cosine).fast_max(splat(0.0)).sqrt().sqrt().sqrt();
-    let curvature = (splat(0.5) * (a.curvature + b.curvature) * length_squared).fast_min(splat(CURVATURE_CAP));
-    let factor = (splat(1.0) + splat(curvature_weight * CURVATURE_SCALE) * curvature) * angle;
+    let factor = factor(a.mean, b.mean, a.curvature + b.curvature, length_squared, curvature_weight);
     (error * factor).to_array()
 }
 
