@@ -14,7 +14,7 @@
 
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
+use crate::mesh::surgery::{Merge, pair_wedges};
 use crate::mesh::wedges::Wedges;
 use crate::simplify::AttributeWeights;
 use glam::{DVec3, Vec3};
@@ -210,7 +210,7 @@ impl Metric {
             let spread = |point: u32, off: Vec3| -> f32 {
                 distinct_wedges(surface, point).iter().map(|&w| self.state(w).spread(off, edge)).sum()
             };
-            let pairs = Merge::new(surface, a, b).pairs;
+            let pairs = pair_wedges(surface, a, b);
             let gaps: f32 = pairs.iter().map(|&pair| self.gap(surface, pair.into(), y, z, edge)).sum();
             spread(a, y) + spread(b, z) + gaps
         };
@@ -236,7 +236,7 @@ impl Metric {
             spread(gone) + step(kept, gone)
         } else {
             let spreads: f32 = distinct_wedges(surface, goes).into_iter().map(spread).sum();
-            spreads + Merge::new(surface, stays, goes).pairs.iter().map(|&(k, g)| step(k, g)).sum::<f32>()
+            spreads + pair_wedges(surface, stays, goes).iter().map(|&(k, g)| step(k, g)).sum::<f32>()
         };
         f64::from(sum.max(0.0))
     }

@@ -1,10 +1,13 @@
 //! Discrete Gaussian curvature by angle deficit (ESQEM, eq. 8 and 9).
 
+use crate::lanes::{cross, dot, gather, minus};
 use crate::mesh::edges::{Edge, EdgeKind};
 use crate::mesh::surface::Surface;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::PI;
+use wide::f32x4;
 
 /// Gaussian curvature and surrounding area of a point.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -43,11 +46,14 @@ impl Curvature {
 pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
     const TASK: usize = 4096;
     // Angles at the three corners, and the area.
-    let faces: Vec<[f32; 4]> = (0..surface.face_slots())
-        .into_par_iter()
-        .with_min_len(TASK)
-        .map(|f| if surface.is_live(f) { angles_and_area(surface.triangle(f)) } else { [0.0; 4] })
-        .collect();
+    let mut faces = vec![[0.0; 4]; surface.face_slots()];
+    faces.par_chunks_mut(TASK).enumerate().for_each(|(task, faces)| {
+        for (four, faces) in faces.chunks_mut(4).enumerate() {
+            let first = task * TASK + 4 * four;
+            let corners = [0, 1, 2, 3].map(|lane: usize| surface.triangle(first + lane.min(faces.len() - 1)));
+            faces.iter_mut().zip(angles_and_areas(corners)).for_each(|(face, new)| *face = new);
+        }
+    });
     (0..surface.points.len())
         .into_par_iter()
         .with_min_len(TASK)
@@ -64,25 +70,30 @@ pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
         .collect()
 }
 
-fn angles_and_area([a, b, c]: [DVec3; 3]) -> [f32; 4] {
-    let (ab, ac, bc) = ((b - a).as_vec3(), (c - a).as_vec3(), (c - b).as_vec3());
-    let cross = ab.cross(ac).length();
-    let (alpha, beta) = (angle(cross, ab.dot(ac)), angle(cross, -ab.dot(bc)));
-    [alpha, beta, std::f32::consts::PI - alpha - beta, cross * 0.5]
+fn angles_and_areas(triangles: [[DVec3; 3]; 4]) -> [[f32; 4]; 4] {
+    let edge = |from: usize, to: usize| gather(triangles.map(|t| (t[to] - t[from]).as_vec3()));
+    let (ab, ac) = (edge(0, 1), edge(0, 2));
+    let bc = minus(ac, ab);
+    let normal = cross(ab, ac);
+    let double_area = dot(normal, normal).sqrt();
+    let (alpha, beta) = (angle(double_area, dot(ab, ac)), angle(double_area, -dot(ab, bc)));
+    let gamma = f32x4::PI - alpha - beta;
+    f32x4::transpose([alpha, beta, gamma, double_area * f32x4::HALF]).map(f32x4::to_array)
 }
 
 /// The angle with this sine and cosine, up to a common factor, `sine` ≥ 0; within 2e-5 (Abramowitz & Stegun 4.4.49). Arithmetic alone gives the
 /// same bits on every machine, which a library's arc tangent does not.
-fn angle(sine: f32, cosine: f32) -> f32 {
-    let (small, large) = if sine < cosine.abs() { (sine, cosine.abs()) } else { (cosine.abs(), sine) };
-    if large == 0.0 {
-        return 0.0;
-    }
-    let x = small / large;
+fn angle(sine: f32x4, cosine: f32x4) -> f32x4 {
+    let splat = f32x4::splat;
+    let length = cosine.abs();
+    let x = sine.fast_min(length) / sine.fast_max(length).fast_max(splat(f32::MIN_POSITIVE));
     let s = x * x;
-    let tangent = x * (0.999_866 + s * (-0.330_299_5 + s * (0.180_141 + s * (-0.085_133 + s * 0.020_835_1))));
-    let first = if sine < cosine.abs() { tangent } else { std::f32::consts::FRAC_PI_2 - tangent };
-    if cosine < 0.0 { std::f32::consts::PI - first } else { first }
+    let series = splat(0.180_141) + s * (splat(-0.085_133) + s * splat(0.020_835_1));
+    let tangent = x * (splat(0.999_866) + s * (splat(-0.330_299_5) + s * series));
+    let first = sine.simd_lt(length).select(tangent, splat(FRAC_PI_2) - tangent);
+    let all = cosine.simd_lt(f32x4::ZERO).select(f32x4::PI - first, first);
+    // Without a length there is no angle.
+    sine.fast_max(length).simd_gt(f32x4::ZERO) & all
 }
 
 /// Which points lie on an open edge.

@@ -7,6 +7,7 @@ pub mod bench;
 mod bvh;
 pub mod coverage;
 mod curvature;
+mod lanes;
 pub mod discover;
 pub mod emit;
 pub mod error;

@@ -84,6 +84,11 @@ impl Irregular {
         self.0.resize(points, false);
     }
 
+    /// Whether one of two points is irregular.
+    pub fn is_either(&self, a: u32, b: u32) -> bool {
+        self.0[a as usize] || self.0[b as usize]
+    }
+
     fn are_both(&self, a: u32, b: u32) -> bool {
         self.0[a as usize] && self.0[b as usize]
     }
@@ -92,35 +97,30 @@ impl Irregular {
 /// Whether a point has one wedge, and each edge at it two faces of opposite directions: then the points after its corners are all different, and
 /// the same as those before them.
 fn is_regular(surface: &Surface, point: u32) -> bool {
-    const MOST: usize = 24;
     let ring = surface.ring(point);
-    if ring.is_empty() || ring.len() > MOST {
-        return ring.is_empty();
-    }
-    let (mut after, mut before) = ([0; MOST], [0; MOST]);
-    let mut one_wedge = true;
-    for (i, &corner) in ring.iter().enumerate() {
-        [after[i], before[i]] = surface.opposite(corner);
-        one_wedge &= surface.wedge_at(corner) == surface.wedge_at(ring[0]);
-    }
-    // Sorted they are the same, and no two neighbours in the order are.
-    let (after, before) = (&mut after[..ring.len()], &mut before[..ring.len()]);
-    insertion_sort(after);
-    insertion_sort(before);
-    one_wedge && after == before && after.windows(2).all(|pair| pair[0] != pair[1])
+    let wedge = |corner: &Corner| surface.wedge_at(*corner);
+    let one_wedge = ring.iter().all(|corner| wedge(corner) == wedge(&ring[0]));
+    one_wedge
+        && match ring.len() {
+            0..=8 => is_closed::<8>(surface, ring),
+            9..=32 => is_closed::<32>(surface, ring),
+            _ => false,
+        }
 }
 
-/// Rings are a handful of corners.
-fn insertion_sort(points: &mut [u32]) {
-    for end in 1..points.len() {
-        let point = points[end];
-        let mut at = end;
-        while at > 0 && points[at - 1] > point {
-            points[at] = points[at - 1];
-            at -= 1;
-        }
-        points[at] = point;
+/// Whether the points after the corners of a ring, `N` at most, are all different, and the same as those before them.
+fn is_closed<const N: usize>(surface: &Surface, ring: &[Corner]) -> bool {
+    // Filled up with names that no point has.
+    let (mut after, mut before) = ([u32::MAX; N], [u32::MAX - 1; N]);
+    for ((&corner, after), before) in ring.iter().zip(&mut after).zip(&mut before) {
+        [*after, *before] = surface.opposite(corner);
     }
+    // Each is once among its own, and once among the others.
+    let count = |points: &[u32; N], p: u32| points.iter().map(|&q| u32::from(q == p)).sum::<u32>();
+    let corners = ring.len();
+    let own = after[..corners].iter().map(|&p| count(&after, p)).chain(before[..corners].iter().map(|&p| count(&before, p)));
+    let shared = before[..corners].iter().map(|&p| count(&after, p));
+    own.sum::<u32>() == 2 * corners as u32 && shared.sum::<u32>() == corners as u32
 }
 
 /// All edges into `edges`, in the order of faces, those between irregular points last.

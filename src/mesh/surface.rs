@@ -4,10 +4,10 @@
 //! corner at a point, whatever the order, so that non-manifold meshes need no special case.
 
 use super::Mesh;
-use super::surgery::Merge;
+use super::surgery::{Merge, holds};
 use super::wedges::Wedges;
 use super::weld::weld;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 
 /// Names corner `k` of face `f` as `f << 2 | k`.
@@ -25,7 +25,7 @@ pub(crate) struct Surface {
     pub points: Vec<DVec3>,
     /// Point of each corner.
     faces: Vec<[u32; 3]>,
-    /// Wedge of each corner.
+    /// Wedge of each corner; empty while every point has one wedge, of the same number.
     corners: Vec<[u32; 3]>,
     /// Attributes.
     pub wedges: Wedges,
@@ -43,8 +43,9 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    fn of(mesh: &Mesh) -> Self {
-        let (lo, hi) = mesh.bounds();
+    fn of(mesh: &Mesh, vertices: &[u32]) -> Self {
+        let positions = vertices.iter().map(|&v| Vec3::from(mesh.positions[v as usize]));
+        let (lo, hi) = positions.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
         if lo.x > hi.x {
             return Self { center: DVec3::ZERO, scale: 1.0 };
         }
@@ -112,7 +113,7 @@ impl Rings {
         let span = &mut self.spans[point as usize];
         let run = &mut self.pool[span.start as usize..][..span.length as usize];
         if let Some(at) = run.iter().position(|&c| c == corner) {
-            run.copy_within(at + 1.., at);
+            run.swap(at, run.len() - 1);
             span.length -= 1;
         }
     }
@@ -156,15 +157,19 @@ fn others(corner: Corner) -> [usize; 2] {
 impl Surface {
     /// Welds `mesh`, which must be valid. Triangles with two corners at one point, and exact copies of a triangle, are left out.
     pub fn new(mesh: &Mesh) -> Self {
-        let frame = Frame::of(mesh);
         let welded = weld(mesh);
+        let frame = Frame::of(mesh, &welded.point_vertex);
         let points: Vec<DVec3> = welded.point_vertex.iter().map(|&v| frame.enter(mesh.positions[v as usize])).collect();
-        let (mut faces, mut corners) = (Vec::new(), Vec::new());
+        // Both are numbered by their first vertices.
+        let is_single = welded.wedge_vertex.len() == welded.point_vertex.len();
+        let (mut faces, mut corners) = (Vec::with_capacity(mesh.triangles.len()), Vec::new());
         for triangle in &mesh.triangles {
             let face = triangle.map(|v| welded.point_of[v as usize]);
             if face[0] != face[1] && face[1] != face[2] && face[2] != face[0] {
                 faces.push(face);
-                corners.push(triangle.map(|v| welded.wedge_of[v as usize]));
+                if !is_single {
+                    corners.push(triangle.map(|v| welded.wedge_of[v as usize]));
+                }
             }
         }
         let wedges = Wedges::new(mesh, &welded.wedge_vertex);
@@ -203,7 +208,18 @@ impl Surface {
 
     /// The wedges of a live face.
     pub fn face_wedges(&self, face: usize) -> [u32; 3] {
-        self.corners[face]
+        self.corners_or_points()[face]
+    }
+
+    fn corners_or_points(&self) -> &[[u32; 3]] {
+        if self.corners.is_empty() { &self.faces } else { &self.corners }
+    }
+
+    /// Wedges get numbers of their own.
+    fn tell_wedges_apart(&mut self) {
+        if self.corners.is_empty() {
+            self.corners.clone_from(&self.faces);
+        }
     }
 
     /// The positions of a live face.
@@ -246,7 +262,7 @@ impl Surface {
 
     /// The wedge at a corner.
     pub fn wedge_at(&self, corner: Corner) -> u32 {
-        self.corners[Self::face_of(corner)][(corner & 3) as usize]
+        self.corners_or_points()[Self::face_of(corner)][(corner & 3) as usize]
     }
 
     /// The two points after the corner in its face, counter-clockwise.
@@ -257,7 +273,7 @@ impl Surface {
 
     /// The wedges that belong to [`Self::opposite`].
     pub fn opposite_wedges(&self, corner: Corner) -> [u32; 2] {
-        let face = &self.corners[Self::face_of(corner)];
+        let face = &self.corners_or_points()[Self::face_of(corner)];
         others(corner).map(|k| face[k])
     }
 
@@ -272,9 +288,14 @@ impl Surface {
 
     /// Adds a face.
     pub fn add_face(&mut self, points: [u32; 3], wedges: [u32; 3]) -> usize {
+        if points != wedges {
+            self.tell_wedges_apart();
+        }
         let face = self.faces.len();
         self.faces.push(points);
-        self.corners.push(wedges);
+        if !self.corners.is_empty() || face == 0 {
+            self.corners.push(wedges);
+        }
         for (k, &p) in points.iter().enumerate() {
             self.rings.push(p, (face as u32) << 2 | k as u32);
         }
@@ -284,11 +305,16 @@ impl Surface {
 
     /// Puts another point, with a wedge, into corner `k` of a face.
     pub fn replace_corner(&mut self, face: usize, k: usize, point: u32, wedge: u32) {
+        if point != wedge {
+            self.tell_wedges_apart();
+        }
         let corner = (face as u32) << 2 | k as u32;
         self.rings.remove(self.faces[face][k], corner);
         self.rings.push(point, corner);
         self.faces[face][k] = point;
-        self.corners[face][k] = wedge;
+        if !self.corners.is_empty() {
+            self.corners[face][k] = wedge;
+        }
     }
 
     /// Adds a point without faces.
@@ -311,6 +337,9 @@ impl Surface {
     /// Does what `merge` says; `kept` moves to `position`.
     pub(super) fn collapse(&mut self, merge: &Merge, position: DVec3) {
         let (kept, gone) = (merge.kept, merge.gone);
+        if merge.is_turned() {
+            self.tell_wedges_apart();
+        }
         for &face in &merge.faces {
             for k in 0..3 {
                 let point = self.faces[face][k];
@@ -324,7 +353,7 @@ impl Surface {
         for &corner in merge.spokes_of_gone() {
             self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
         }
-        for &corner in merge.spokes_with_new_wedges() {
+        for &corner in merge.spokes_with_new_wedges().iter().take(self.corners.len()) {
             let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
             *wedge = merge.target(*wedge);
         }
@@ -343,7 +372,9 @@ impl Surface {
         for f in 0..self.faces.len() {
             if self.faces[f][0] != DEAD {
                 self.faces[next] = self.faces[f];
-                self.corners[next] = self.corners[f];
+                if !self.corners.is_empty() {
+                    self.corners[next] = self.corners[f];
+                }
                 next += 1;
             }
         }
@@ -355,18 +386,21 @@ impl Surface {
 
     /// Leaves the first of several faces with the same wedges in the same cyclic order.
     fn drop_copies(&mut self) {
-        let turned = |w: &[u32; 3], k: usize| [w[k], w[(k + 1) % 3], w[(k + 2) % 3]];
-        for f in 0..self.faces.len() {
-            let (points, wedges) = (self.faces[f], self.corners[f]);
-            let is_copy = self.ring(points[0]).iter().any(|&c| {
-                let other = Self::face_of(c);
-                other < f
-                    && self.opposite(c)[0] == points[1]
-                    && turned(&self.corners[other], (c & 3) as usize) == wedges
-            });
-            if is_copy {
-                self.remove_face(f);
-            }
+        let turned = |w: [u32; 3], k: usize| [w[k], w[(k + 1) % 3], w[(k + 2) % 3]];
+        let mut after = Vec::new();
+        for p in 0..self.points.len() as u32 {
+            let ring = self.ring(p);
+            after.clear();
+            after.extend(ring.iter().map(|&c| self.opposite(c)[0]));
+            let copies: SmallVec<[usize; 4]> = (1..ring.len())
+                .filter(|&i| holds(&after[..i], after[i]))
+                .filter(|&i| {
+                    let at = |c: Corner| turned(self.face_wedges(Self::face_of(c)), (c & 3) as usize);
+                    (0..i).any(|j| after[j] == after[i] && at(ring[j]) == at(ring[i]))
+                })
+                .map(|i| Self::face_of(ring[i]))
+                .collect();
+            copies.into_iter().for_each(|face| self.remove_face(face));
         }
         self.compact();
     }
@@ -396,7 +430,7 @@ impl Surface {
         let mut mesh = Mesh::default();
         for f in self.live_faces() {
             let triangle = [0, 1, 2].map(|k| {
-                let (point, wedge) = (self.faces[f][k], self.corners[f][k]);
+                let (point, wedge) = (self.faces[f][k], self.corners_or_points()[f][k]);
                 let slot = &mut vertex_of[wedge as usize];
                 if *slot == u32::MAX {
                     *slot = order.len() as u32;
@@ -405,7 +439,7 @@ impl Surface {
                 *slot
             });
             mesh.triangles.push(triangle);
-            mesh.groups.push(self.wedges.group(self.corners[f][0]));
+            mesh.groups.push(self.wedges.group(self.corners_or_points()[f][0]));
         }
         (mesh, order)
     }

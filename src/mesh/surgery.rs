@@ -16,7 +16,11 @@ pub(crate) struct Merge {
     /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay, unless the merge is turned.
     pub pairs: SmallVec<[(u32, u32); 4]>,
     /// Corners at either end whose faces survive: the ring of the joined point. Those at `kept` come first.
-    pub spokes: SmallVec<[Corner; 24]>,
+    pub spokes: Vec<Corner>,
+    /// The points after each spoke in its face ([`Surface::opposite`]).
+    pub rims: Vec<[u32; 2]>,
+    /// The first of each rim: in closed rings all points around the joined one, each once.
+    pub firsts: Vec<u32>,
     /// Where those at `gone` begin.
     from_gone: usize,
     /// The wedges at `gone` stay.
@@ -37,24 +41,51 @@ impl Merge {
         self.faces.clear();
         self.pairs.clear();
         self.spokes.clear();
+        self.rims.clear();
+        self.firsts.clear();
         for &corner in surface.ring(kept) {
             let points = surface.opposite(corner);
-            let Some(side) = points.iter().position(|&p| p == gone) else {
-                self.spokes.push(corner);
+            if !points.contains(&gone) {
+                self.push_spoke(corner, points);
                 continue;
-            };
+            }
             self.faces.push(Surface::face_of(corner));
-            let pair = (surface.wedge_at(corner), surface.opposite_wedges(corner)[side]);
+            let pair = pair_at(surface, corner, points, gone);
             if !self.pairs.contains(&pair) {
                 self.pairs.push(pair);
             }
         }
         self.from_gone = self.spokes.len();
         for &corner in surface.ring(gone) {
-            if !surface.opposite(corner).contains(&kept) {
-                self.spokes.push(corner);
+            let points = surface.opposite(corner);
+            if !points.contains(&kept) {
+                self.push_spoke(corner, points);
             }
         }
+    }
+
+    fn push_spoke(&mut self, corner: Corner, points: [u32; 2]) {
+        self.spokes.push(corner);
+        self.rims.push(points);
+        self.firsts.push(points[0]);
+    }
+
+    /// The points around the joined point, each once.
+    pub fn around(&self, points: &mut Vec<u32>) {
+        points.clear();
+        for &p in self.firsts.iter().chain(self.rims.iter().map(|rim| &rim[1])) {
+            if !holds(points, p) {
+                points.push(p);
+            }
+        }
+    }
+
+    /// Whether the collapse of an edge between two regular points keeps the link condition.
+    pub fn keeps_regular(&self) -> bool {
+        // Each rim goes from one of the points across the edge to the other: what they share beyond those is among the first points.
+        let (near, far) = self.firsts.split_at(self.from_gone);
+        // With one face at either end both would lie on each other (the tetrahedron).
+        self.faces.len() == 2 && self.spokes.len() > 2 && !far.iter().any(|&p| holds(near, p))
     }
 
     /// Whether every wedge has one partner at most: otherwise a seam ends in this edge and would be torn into the surface.
@@ -129,10 +160,40 @@ impl Merge {
         self.faces.iter().flat_map(|&f| surface.face(f)).filter(move |p| !ends.contains(p))
     }
 
+    /// Whether the wedges at `gone` stay instead of those at `kept`.
+    pub(super) fn is_turned(&self) -> bool {
+        self.turned
+    }
+
     /// Does it; the joined point moves to `position`. Wedge values are the caller's business.
     pub fn apply(&self, surface: &mut Surface, position: DVec3) {
         surface.collapse(self, position);
     }
+}
+
+/// Pairs (wedge at `a`, wedge at `b`) that the faces of an edge join, each once.
+pub(crate) fn pair_wedges(surface: &Surface, a: u32, b: u32) -> SmallVec<[(u32, u32); 4]> {
+    let mut pairs = SmallVec::new();
+    for &corner in surface.ring(a) {
+        let points = surface.opposite(corner);
+        if points.contains(&b) {
+            let pair = pair_at(surface, corner, points, b);
+            if !pairs.contains(&pair) {
+                pairs.push(pair);
+            }
+        }
+    }
+    pairs
+}
+
+/// The wedges at a corner and at `other`, one of the `points` opposite.
+fn pair_at(surface: &Surface, corner: Corner, points: [u32; 2], other: u32) -> (u32, u32) {
+    (surface.wedge_at(corner), surface.opposite_wedges(corner)[usize::from(points[1] == other)])
+}
+
+/// Whether `point` is among `points`: a handful, so that comparing with all of them is faster than leaving early.
+pub(crate) fn holds(points: &[u32], point: u32) -> bool {
+    points.iter().fold(false, |found, &p| found | (p == point))
 }
 
 /// Turns the edge between `a` and `b`: `first`, which runs from `a` to `b`, and `second`, which runs back, share the other diagonal of their diamond

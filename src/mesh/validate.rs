@@ -31,6 +31,9 @@ impl Mesh {
 
     fn validate_triangles(&self) -> Result<()> {
         let vertices = self.positions.len();
+        if self.groups.is_empty() && self.triangles.as_flattened().iter().all(|&v| (v as usize) < vertices) {
+            return Ok(());
+        }
         let mut group_of = vec![u32::MAX; vertices];
         for (t, triangle) in self.triangles.iter().enumerate() {
             for &v in triangle {

@@ -1,10 +1,11 @@
 //! What a collapse is worth and where the point goes: the policy that algorithms differ in.
 
+use super::fan::Fan;
 use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
+use crate::mesh::surgery::Merge;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// A collapse that may be tried.
 #[derive(Debug, Clone, Copy)]
@@ -26,9 +27,21 @@ pub(crate) trait Cost: Send + Sync {
     /// Judges the collapse of the edge between `a` and `b`, with the joined point at `fixed` if given; `None` if it has no finite cost.
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate>;
 
-    /// About what all `edges` cost, to put them in order; [`UNRANKED`] where there is no candidate.
-    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
-        edges.par_iter().map(|edge| self.rank_exactly(surface, edge, locked)).collect_into_vec(costs);
+    /// The candidate for the edge that `merge` has looked at.
+    fn judge_merge(&self, surface: &Surface, merge: &Merge, fixed: Option<DVec3>) -> Option<Candidate> {
+        self.judge(surface, merge.kept, merge.gone, fixed)
+    }
+
+    /// About what `edges` cost, to put them in order; [`UNRANKED`] where there is no candidate. As many `costs` as edges.
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
+        edges.iter().zip(costs).for_each(|(edge, cost)| *cost = self.rank_exactly(surface, edge, locked));
+    }
+
+    /// About what the edges from `hub` to the points around it cost; as many `costs` as points.
+    fn rank_hub(&self, surface: &Surface, hub: u32, around: &[u32], costs: &mut [f32]) {
+        for (&p, cost) in around.iter().zip(costs) {
+            *cost = self.judge(surface, hub.min(p), hub.max(p), None).map_or(UNRANKED, |c| c.cost as f32);
+        }
     }
 
     /// What an edge costs, as judged; [`UNRANKED`] where there is no candidate.
@@ -43,6 +56,9 @@ pub(crate) trait Cost: Send + Sync {
 
     /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
+
+    /// Follows a collapse that was done, whose faces are `fan`.
+    fn follow_faces(&mut self, _merge: &Merge, _fan: &Fan) {}
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);

@@ -8,13 +8,15 @@
 
 use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
+use super::fan::Fan;
 use super::options::{Options, Placement};
 use super::placement::{Apex, Facet, LANES, Subject, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, find_edge};
 use crate::mesh::surface::Surface;
-use glam::DVec3;
+use crate::mesh::surgery::Merge;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Points, faces or edges that one task works on.
@@ -87,8 +89,78 @@ impl Enhanced {
         let edge = surface.points[b as usize] - surface.points[a as usize];
         Subject { ends: [&self.apexes[a as usize], &self.apexes[b as usize]], edge, pin }
     }
+    /// Judges the edge between two points that share `faces`.
+    fn judge_between(
+        &self,
+        surface: &Surface,
+        [a, b]: [u32; 2],
+        faces: impl Iterator<Item = usize>,
+        fixed: Option<DVec3>,
+    ) -> Option<Candidate> {
+        let shared = faces.map(|face| self.facets[face].area_vector()).sum();
+        let start = surface.points[a as usize];
+        let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
+        let place = subject.place(shared, |offset| self.room.contains(start + offset));
+        let position = fixed.unwrap_or(start + place.offset);
+        let mut error = place.error;
+        if !self.metric.is_empty() {
+            error += self.metric.deviation(surface, a, b, position);
+        }
+        let cost = error * subject.factor(self.options.curvature_weight);
+        cost.is_finite().then_some(Candidate { cost, position })
+    }
 
-    fn rank_some(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
+    /// Adds to an estimate what attributes cost, and judges anew what could not be estimated.
+    #[inline]
+    fn complete(&self, surface: &Surface, a: u32, b: u32, cost: &mut f32) {
+        if !self.metric.is_empty() || !cost.is_finite() {
+            self.add_attributes(surface, a, b, cost);
+        }
+    }
+
+    fn add_attributes(&self, surface: &Surface, a: u32, b: u32, cost: &mut f32) {
+        if self.at_ends || !cost.is_finite() {
+            *cost = self.judge(surface, a, b, None).map_or(UNRANKED, |c| c.cost as f32);
+        } else {
+            let middle = (surface.points[a as usize] + surface.points[b as usize]) * 0.5;
+            let attributes = self.metric.deviation(surface, a, b, middle);
+            *cost += (attributes * self.subject(surface, [a, b], None).factor(self.options.curvature_weight)) as f32;
+        }
+    }
+}
+
+/// Two edges of a face, from its first corner.
+fn edges_of(surface: &Surface, face: usize) -> [Vec3; 2] {
+    if !surface.is_live(face) {
+        return [Vec3::ZERO; 2];
+    }
+    let [a, b, c] = surface.triangle(face);
+    [(b - a).as_vec3(), (c - a).as_vec3()]
+}
+
+impl Cost for Enhanced {
+    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
+        self.facets.resize(surface.face_slots(), Facet::default());
+        self.facets.par_chunks_mut(TASK).enumerate().for_each(|(task, facets)| {
+            for (four, facets) in facets.chunks_mut(LANES).enumerate() {
+                let first = task * TASK + four * LANES;
+                let edges = std::array::from_fn(|lane| edges_of(surface, first + lane.min(facets.len() - 1)));
+                facets.iter_mut().zip(Facet::of_four(edges)).for_each(|(facet, new)| *facet = new);
+            }
+        });
+        let facets = &self.facets;
+        self.apexes.par_iter_mut().with_min_len(TASK).enumerate().for_each(|(p, apex)| {
+            let ring = surface.ring(p as u32);
+            apex.set_faces(surface.points[p], ring.iter().map(|&c| facets[Surface::face_of(c)]));
+        });
+        self.ridged.fill(false);
+        for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
+            self.add_edge(surface, edge, &[edge.a, edge.b]);
+        }
+        self.metric.refresh(surface);
+    }
+
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
         let weight = self.options.curvature_weight;
         let estimate = |edges: &[Edge; LANES]| {
             let apex = |p: u32| &self.apexes[p as usize];
@@ -102,42 +174,12 @@ impl Enhanced {
             costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
         }
         for (edge, cost) in edges.iter().zip(costs) {
-            let ends_differ = self.at_ends && !self.metric.is_empty();
-            if ends_differ || !cost.is_finite() || locked[edge.a as usize] || locked[edge.b as usize] {
+            if locked[edge.a as usize] || locked[edge.b as usize] {
                 *cost = self.rank_exactly(surface, edge, locked);
-            } else if !self.metric.is_empty() {
-                let middle = (surface.points[edge.a as usize] + surface.points[edge.b as usize]) * 0.5;
-                let attributes = self.metric.deviation(surface, edge.a, edge.b, middle);
-                *cost += (attributes * self.subject(surface, [edge.a, edge.b], None).factor(weight)) as f32;
+            } else {
+                self.complete(surface, edge.a, edge.b, cost);
             }
         }
-    }
-}
-
-impl Cost for Enhanced {
-    fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
-        (0..surface.face_slots())
-            .into_par_iter()
-            .with_min_len(TASK)
-            .map(|f| if surface.is_live(f) { Facet::of(surface.triangle(f)) } else { Facet::default() })
-            .collect_into_vec(&mut self.facets);
-        let facets = &self.facets;
-        self.apexes.par_iter_mut().with_min_len(TASK).enumerate().for_each(|(p, apex)| {
-            let ring = surface.ring(p as u32);
-            apex.set_faces(surface.points[p], ring.iter().map(|&c| facets[Surface::face_of(c)]));
-        });
-        self.ridged.fill(false);
-        for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
-            self.add_edge(surface, edge, &[edge.a, edge.b]);
-        }
-        self.metric.refresh(surface);
-    }
-
-    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut Vec<f32>) {
-        costs.clear();
-        costs.resize(edges.len(), UNRANKED);
-        let tasks = edges.par_chunks(TASK).zip(costs.par_chunks_mut(TASK));
-        tasks.for_each(|(edges, costs)| self.rank_some(surface, edges, locked, costs));
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
@@ -145,18 +187,27 @@ impl Cost for Enhanced {
             return self.judge_ends(surface, a, b, fixed);
         }
         let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
-        let shared = surface.ring(a).iter().filter(at_both);
-        let shared = shared.map(|&c| self.facets[Surface::face_of(c)].area_vector()).sum();
-        let start = surface.points[a as usize];
-        let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
-        let place = subject.place(shared, |offset| self.room.contains(start + offset));
-        let position = fixed.unwrap_or(start + place.offset);
-        let mut error = place.error;
-        if !self.metric.is_empty() {
-            error += self.metric.deviation(surface, a, b, position);
+        self.judge_between(surface, [a, b], surface.ring(a).iter().filter(at_both).map(|&c| Surface::face_of(c)), fixed)
+    }
+
+    fn judge_merge(&self, surface: &Surface, merge: &Merge, fixed: Option<DVec3>) -> Option<Candidate> {
+        let ends = [merge.kept, merge.gone];
+        if self.at_ends {
+            return self.judge_ends(surface, ends[0], ends[1], fixed);
         }
-        let cost = error * subject.factor(self.options.curvature_weight);
-        cost.is_finite().then_some(Candidate { cost, position })
+        self.judge_between(surface, ends, merge.faces.iter().copied(), fixed)
+    }
+
+    fn rank_hub(&self, surface: &Surface, hub: u32, around: &[u32], costs: &mut [f32]) {
+        let weight = self.options.curvature_weight;
+        let apex = &self.apexes[hub as usize];
+        for (points, costs) in around.chunks(LANES).zip(costs.chunks_mut(LANES)) {
+            let others = std::array::from_fn(|lane| &self.apexes[points[lane.min(points.len() - 1)] as usize]);
+            costs.copy_from_slice(&estimate([apex; LANES], others, weight, self.at_ends)[..points.len()]);
+        }
+        for (&p, cost) in around.iter().zip(costs) {
+            self.complete(surface, hub.min(p), hub.max(p), cost);
+        }
     }
 
     fn metric(&self) -> &Metric {
@@ -167,11 +218,15 @@ impl Cost for Enhanced {
         area * distance_squared
     }
 
-    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
-        for &corner in surface.ring(kept) {
-            let face = Surface::face_of(corner);
-            self.facets[face] = Facet::of(surface.triangle(face));
+    fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {
+        for (corners, four) in merge.spokes.chunks(LANES).zip(fan.fours()) {
+            for (&corner, facet) in corners.iter().zip(four.facets()) {
+                self.facets[Surface::face_of(corner)] = Facet(facet);
+            }
         }
+    }
+
+    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
         self.ridged[kept as usize] |= self.ridged[gone as usize];
         let gone = self.apexes[gone as usize].curvature();
         let kept = self.apexes[kept as usize].curvature_mut();

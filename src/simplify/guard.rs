@@ -2,13 +2,11 @@
 
 use super::Refusals;
 use super::cost::{Candidate, Cost};
+use super::fan::quality;
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
-use glam::DVec3;
-
-/// Cosine of the largest angle by which a collapse may turn a face.
-const FLIP_COSINE: f64 = 0.2;
+use crate::mesh::surgery::{Merge, holds};
+use smallvec::SmallVec;
 
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,53 +60,21 @@ pub(crate) fn check_remains(merge: &Merge) -> Result<(), Cause> {
     if merge.spokes.is_empty() { Err(Cause::Vanish) } else { Ok(()) }
 }
 
-/// A set of points that is emptied at no cost.
-#[derive(Debug, Default)]
-pub(crate) struct Marks {
-    round: u32,
-    marks: Vec<u32>,
-}
-
-impl Marks {
-    /// Two fresh marks.
-    fn begin(&mut self, points: usize) -> [u32; 2] {
-        if self.marks.len() < points || self.round > u32::MAX - 4 {
-            self.marks.clear();
-            self.marks.resize(points, 0);
-            self.round = 0;
-        }
-        self.round += 2;
-        [self.round - 1, self.round]
-    }
-
-    fn set(&mut self, point: u32, mark: u32) {
-        self.marks[point as usize] = mark;
-    }
-
-    fn has(&self, point: u32, mark: u32) -> bool {
-        self.marks[point as usize] == mark
-    }
-}
-
 /// Checks topology: the collapse must not join sheets or close holes (link condition). `border`: which points lie on an open edge.
 pub(crate) fn check_topology(
     surface: &Surface,
     merge: &Merge,
     border: &[bool],
-    marks: &mut Marks,
 ) -> Result<(), Cause> {
-    let [near, across] = marks.begin(surface.points.len());
-    for &corner in merge.spokes_of_kept() {
-        surface.opposite(corner).iter().for_each(|&p| marks.set(p, near));
-    }
-    merge.across(surface).for_each(|p| marks.set(p, across));
-    let far = merge.spokes_of_gone().iter().flat_map(|&c| surface.opposite(c));
-    if far.into_iter().any(|p| marks.has(p, near)) {
+    let across: SmallVec<[u32; 4]> = merge.across(surface).collect();
+    let (near, far) = merge.rims.split_at(merge.spokes_of_kept().len());
+    let is_near = |p: &u32| holds(near.as_flattened(), *p) && !holds(&across, *p);
+    if far.as_flattened().iter().any(is_near) {
         return Err(Cause::Link);
     }
     // Faces over the same points across the edge, one at either end, would lie on each other (the tetrahedron).
-    let over_across = |&&c: &&u32| surface.opposite(c).iter().all(|&p| marks.has(p, across));
-    if merge.spokes.iter().filter(over_across).count() > 1 {
+    let over_across = |rim: &&[u32; 2]| holds(&across, rim[0]) && holds(&across, rim[1]);
+    if merge.rims.iter().filter(over_across).count() > 1 {
         return Err(Cause::Link);
     }
     if border[merge.kept as usize] && border[merge.gone as usize] && merge.faces.len() == 2 {
@@ -120,34 +86,9 @@ pub(crate) fn check_topology(
     Ok(())
 }
 
-/// Checks the faces that survive: none may turn by more than the limit, and none of a [quality](face_quality) below `needle` become worse than the
-/// worst that was there.
-pub(crate) fn check_shape(surface: &Surface, merge: &Merge, position: DVec3, needle: f64) -> Result<(), Cause> {
-    let mut worst = f64::INFINITY;
-    for &corner in &merge.spokes {
-        let [p, q] = surface.opposite(corner).map(|p| surface.points[p as usize]);
-        let apex = surface.points[surface.point_at(corner) as usize];
-        let (old, new) = ((p - apex).cross(q - apex), (p - position).cross(q - position));
-        let turn = new.dot(old);
-        let least = FLIP_COSINE * FLIP_COSINE * new.length_squared() * old.length_squared();
-        if (turn <= 0.0 || turn * turn < least) && old != DVec3::ZERO {
-            return Err(Cause::Flip);
-        }
-        let edges = p.distance_squared(position) + q.distance_squared(position) + p.distance_squared(q);
-        worst = worst.min(squared_quality(new.length_squared(), edges));
-    }
-    let is_worse = |c| {
-        let [a, b, c] = surface.triangle(Surface::face_of(c));
-        let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-        squared_quality((b - a).cross(c - a).length_squared(), edges) <= worst
-    };
-    if worst < needle * needle && !merge.corners(surface).any(is_worse) {
-        return Err(Cause::Needle);
-    }
-    Ok(())
-}
-
-/// The square of 4√3 · area / Σ edge² (1 for an equilateral triangle, 0 for a degenerate one), from |2 · area|² and Σ edge².
-fn squared_quality(double_area_squared: f64, edges: f64) -> f64 {
-    if edges > 0.0 { 12.0 * double_area_squared / (edges * edges) } else { 0.0 }
+/// Checks the shapes of the faces that survive: none of a [quality] below `needle` may become worse than the worst that was there. `worst`: the
+/// least quality after the collapse.
+pub(crate) fn check_needles(surface: &Surface, merge: &Merge, worst: f32, needle: f32) -> Result<(), Cause> {
+    let was_worse = |c| quality(surface.triangle(Surface::face_of(c))) <= f64::from(worst);
+    if worst < needle && !merge.corners(surface).any(was_worse) { Err(Cause::Needle) } else { Ok(()) }
 }

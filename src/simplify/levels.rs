@@ -94,7 +94,7 @@ impl Builder<'_> {
         while self.reducer.surface.face_count() > triangles {
             let before = self.reducer.surface.face_count();
             match self.options.schedule {
-                Schedule::Passes => passes::run_pass(&mut self.reducer, &mut self.workspace, triangles),
+                Schedule::Passes => passes::run(&mut self.reducer, &mut self.workspace, triangles),
                 Schedule::Queue => queue::drain(&mut self.reducer, triangles),
                 Schedule::Vertices => vertices::drain(&mut self.reducer, triangles),
             }
@@ -185,6 +185,7 @@ impl Builder<'_> {
         let mut surface = self.reducer.surface.clone();
         if refiner.refine(&mut surface, self.reducer.locked()) {
             self.reducer.adopt(surface);
+            self.workspace.forget();
         }
         (self.reducer.surface.to_mesh(), stop)
     }

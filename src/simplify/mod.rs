@@ -1,10 +1,12 @@
 //! The simplifier: one run from fine to coarse, a snapshot at each target.
 
 mod appearance;
+mod buckets;
 mod constraints;
 mod cost;
 mod deviation;
 mod enhanced;
+mod fan;
 mod fms;
 mod guard;
 mod levels;

@@ -1,213 +1,146 @@
-//! The fast schedule: rank all edges, sort once, collapse from the cheap end, repeat.
-//!
-//! A point moves once in a pass. Points next to it are judged anew when their turn comes, so that costs are those of the surface as it is;
-//! only the order is that of the pass's start.
+//! The fast schedule: all edges are ranked at once and collapse from the cheap end; those around a joined point are ranked again and take their new
+//! turns. Costs of edges a little further away are looked at when their turn comes: they may have risen, then they wait for the new one.
 
+use super::buckets::{Buckets, Entry};
 use super::cost::UNRANKED;
-use super::prune;
+use super::prune::{self, Piece};
 use super::reducer::{Outcome, Reducer, Terms};
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-use std::mem::take;
+use std::iter::Peekable;
+use std::vec::IntoIter;
 
-/// Share of all faces that a pass may take at least: small steps do not pay for the ranking of all edges.
-const LEAST_SHARE: f64 = 0.3;
+/// Everything is looked at anew when so much of the faces is left.
+const REFILL: f64 = 0.4;
 
-/// How far a pass may stray from the strict order of costs.
-#[derive(Debug, Clone, Copy)]
-struct Leeway {
-    /// A pass may go this factor above the cost of the last collapse it aims at, since neighbours of a collapse have to wait.
-    slack: f32,
-    /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
-    reorder: f32,
-}
+/// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
+const REORDER_MOVING: f32 = 2.0;
+/// For points that stay: which of them stay is all there is to choose.
+const REORDER_STAYING: f32 = 1.1;
 
-/// For points that move: where they go makes up for their order.
-const FOR_MOVING: Leeway = Leeway { slack: 3.0, reorder: 2.0 };
-/// For points that stay: which of them stay is all there is to choose, and wider passes cost 5 % of the distance.
-const FOR_STAYING: Leeway = Leeway { slack: 1.1, reorder: 1.1 };
+/// In the time of an entry whose cost has the fine in it.
+const PAID: u32 = 1 << 31;
+/// In the mark of a point.
+const STALE: u32 = 1 << 31;
+/// Mark of a point that is gone.
+const GONE: u32 = PAID - 1;
 
-/// Memory that passes share.
-#[derive(Debug, Default)]
+/// What the schedule knows between two calls.
+#[derive(Debug)]
 pub(crate) struct Workspace {
+    queue: Buckets,
     costs: Vec<f32>,
-    order: Vec<Turn>,
-    points: Vec<State>,
+    /// Around the last joined point.
+    around: Vec<u32>,
+    pieces: Peekable<IntoIter<Piece>>,
+    /// When each point was joined last, and whether a neighbour has moved since it was looked at ([`STALE`]).
+    marks: Vec<u32>,
+    /// Collapses since everything was looked at.
+    time: u32,
+    /// Number of faces down to which the queue serves; `None` before it was filled.
+    serves_to: Option<usize>,
 }
 
-/// What a pass has done to a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum State {
-    /// Nothing that is not known.
-    Fresh,
-    /// A neighbour moved: what is known of the point is old.
-    Stale,
-    /// It moved, or is gone.
-    Moved,
-}
-
-/// One pass towards `target` faces (± 1).
-pub(crate) fn run_pass(reducer: &mut Reducer, workspace: &mut Workspace, target: usize) {
-    reducer.refresh();
-    reducer.rank(&mut workspace.costs);
-    let mut turns = Turns::new(&workspace.costs, take(&mut workspace.order));
-    let excess = reducer.surface.face_count() - target;
-    let mut pieces = reducer.pieces().into_iter().peekable();
-    let points = &mut workspace.points;
-    points.clear();
-    points.resize(reducer.surface.points.len(), State::Fresh);
-    let leeway = if reducer.goes_to_ends() { FOR_STAYING } else { FOR_MOVING };
-    let mut pace = Pace::new(excess, reducer.surface.face_count(), leeway.slack);
-    let mut left = excess;
-    while let Some(turn) = turns.next() {
-        let cost = turn.cost();
-        while let Some(piece) = pieces.next_if(|p| p.cost <= f64::from(cost)) {
-            let removed = remove_piece(reducer, &piece, left, points);
-            pace.take(removed);
-            left -= removed;
-        }
-        if left == 0 || pace.is_over(cost) {
-            break;
-        }
-        let edge = &reducer.edges[turn.edge as usize];
-        let (a, b) = (edge.a, edge.b);
-        if points[a as usize].max(points[b as usize]) == State::Moved {
-            pace.count(cost);
+/// Collapses until `target` faces (± 1), or nothing may collapse any more.
+pub(crate) fn run(reducer: &mut Reducer, workspace: &mut Workspace, target: usize) {
+    while reducer.surface.face_count() > target {
+        let limit = match workspace.serves_to {
+            Some(limit) if reducer.surface.face_count() > limit => limit,
+            _ => workspace.fill(reducer),
+        };
+        if workspace.drain(reducer, target, target.max(limit)) {
             continue;
         }
-        for p in [a, b] {
-            if points[p as usize] == State::Stale {
-                reducer.cost.update(&reducer.surface, p);
-                points[p as usize] = State::Fresh;
-            }
-        }
-        let Some(candidate) = reducer.judge(a, b) else { continue };
-        // Compared as the turns are: what is nothing in single precision would come up again and again.
-        if candidate.cost as f32 > cost * leeway.reorder {
-            turns.defer(Turn { key: (candidate.cost as f32).to_bits(), ..turn });
-            continue;
-        }
-        match reducer.collapse(
-            (a, b),
-            candidate,
-            Terms { paid: turn.paid, most: left + 1, limit: f64::from(cost * leeway.reorder) },
-        ) {
-            Outcome::Done(removed) => {
-                pace.count(cost);
-                pace.take(removed);
-                left = left.saturating_sub(removed);
-                touch(reducer, a, points);
-                points[b as usize] = State::Moved;
-            }
-            Outcome::Fined(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), paid: true, ..turn }),
-            Outcome::Later(cost) => turns.defer(Turn { key: (cost as f32).to_bits(), ..turn }),
-            Outcome::Refused => {}
-        }
-    }
-    // Nothing may collapse any more: then whole pieces have to go.
-    if left == excess
-        && let Some(piece) = pieces.next()
-    {
-        remove_piece(reducer, &piece, left, points);
-    }
-    workspace.order = turns.sorted;
-}
-
-fn touch(reducer: &Reducer, point: u32, points: &mut [State]) {
-    let surface = &reducer.surface;
-    for &corner in surface.ring(point) {
-        for p in surface.opposite(corner) {
-            points[p as usize] = points[p as usize].max(State::Stale);
-        }
-    }
-    points[point as usize] = State::Moved;
-}
-
-/// Removes a piece that is as it was when the pass began; gives the faces removed.
-fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, points: &mut [State]) -> usize {
-    prune::remove(&mut reducer.surface, piece, most, |p| points[p as usize] == State::Fresh)
-}
-
-/// An edge in the order of costs. Costs are never negative, so their bits order as they do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Turn {
-    key: u32,
-    edge: u32,
-    paid: bool,
-}
-
-impl Turn {
-    fn cost(self) -> f32 {
-        f32::from_bits(self.key)
-    }
-}
-
-/// Edges by cost: those sorted at the start, and those that were fined since.
-struct Turns {
-    sorted: Vec<Turn>,
-    next: usize,
-    deferred: BinaryHeap<Reverse<Turn>>,
-}
-
-impl Turns {
-    /// `sorted` is memory to reuse.
-    fn new(costs: &[f32], mut sorted: Vec<Turn>) -> Self {
-        sorted.clear();
-        let possible = costs.iter().enumerate().filter(|(_, cost)| **cost < UNRANKED);
-        sorted.extend(possible.map(|(i, cost)| Turn { key: cost.to_bits(), edge: i as u32, paid: false }));
-        // Exponent and eight bits of the mantissa: an order to 0.4 % is as good, and takes two sweeps.
-        radsort::sort_by_key(&mut sorted, |turn| (turn.key >> 15) as u16);
-        Self { sorted, next: 0, deferred: BinaryHeap::new() }
-    }
-
-    fn next(&mut self) -> Option<Turn> {
-        match (self.sorted.get(self.next), self.deferred.peek()) {
-            (Some(fresh), Some(Reverse(fined))) if fined < fresh => self.deferred.pop().map(|turn| turn.0),
-            (None, _) => self.deferred.pop().map(|turn| turn.0),
-            (Some(&fresh), _) => {
-                self.next += 1;
-                Some(fresh)
+        // The queue is empty.
+        workspace.serves_to = None;
+        if workspace.time == 0 {
+            // Nothing may collapse any more: then whole pieces have to go.
+            let Some(piece) = workspace.pieces.next() else { return };
+            let left = reducer.surface.face_count() - target;
+            if prune::remove(&mut reducer.surface, &piece, left) == 0 {
+                return;
             }
         }
     }
+}
 
-    fn defer(&mut self, turn: Turn) {
-        self.deferred.push(Reverse(turn));
+impl Default for Workspace {
+    fn default() -> Self {
+        Self { queue: Buckets::default(), costs: Vec::new(), around: Vec::new(), pieces: Vec::new().into_iter().peekable(), marks: Vec::new(), time: 0, serves_to: None }
     }
 }
 
-/// How far up the costs a pass goes: as far as a strict order would for the collapses aimed at, and a little further.
-///
-/// Only edges that collapsed or wait for a neighbour count. Refused ones stay at the cheap end pass after pass; counted, they would stop each
-/// pass before anything else got its turn.
-struct Pace {
-    /// Edges, collapsed or waiting, until the limit is set.
-    open: usize,
-    slack: f32,
-    limit: Option<f32>,
-    /// Faces until the pass ends in any case.
-    faces: usize,
-}
-
-impl Pace {
-    fn new(excess: usize, faces: usize, slack: f32) -> Self {
-        // A collapse takes two faces.
-        let aim = (excess as f64 * 0.5).max(faces as f64 * 0.5 * LEAST_SHARE).ceil() as usize;
-        Self { open: aim, slack, limit: None, faces: 2 * aim }
+impl Workspace {
+    /// Forgets what it knows, as the surface has become another one.
+    pub fn forget(&mut self) {
+        self.serves_to = None;
     }
 
-    fn take(&mut self, faces: usize) {
-        self.faces = self.faces.saturating_sub(faces);
+    fn fill(&mut self, reducer: &mut Reducer) -> usize {
+        reducer.refresh();
+        reducer.rank(&mut self.costs);
+        self.queue.fill(&reducer.edges, &self.costs);
+        self.pieces = reducer.pieces().into_iter().peekable();
+        let points = reducer.surface.points.len();
+        self.marks.clear();
+        self.marks.resize(points, 0);
+        self.time = 0;
+        let limit = (reducer.surface.face_count() as f64 * REFILL) as usize;
+        self.serves_to = Some(limit);
+        limit
     }
 
-    fn count(&mut self, cost: f32) {
-        self.open = self.open.saturating_sub(1);
-        if self.open == 0 && self.limit.is_none() {
-            self.limit = Some(cost * self.slack);
+    /// Collapses down to `limit` faces, `target` at the end of all; gives whether there are so few now.
+    fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize) -> bool {
+        let reorder = if reducer.goes_to_ends() { REORDER_STAYING } else { REORDER_MOVING };
+        while reducer.surface.face_count() > limit {
+            let Some((entry, cost)) = self.queue.pop() else { return false };
+            let left = reducer.surface.face_count() - target;
+            if let Some(piece) = self.pieces.next_if(|p| p.cost <= f64::from(cost)) {
+                prune::remove(&mut reducer.surface, &piece, left);
+                self.queue.push(cost, entry);
+                continue;
+            }
+            let (a, b) = (entry.a, entry.b);
+            let time = entry.time & !PAID;
+            if [a, b].iter().any(|&p| time < self.marks[p as usize] & !STALE) {
+                continue;
+            }
+            for p in [a, b] {
+                let mark = &mut self.marks[p as usize];
+                if *mark & STALE != 0 {
+                    *mark &= !STALE;
+                    reducer.cost.update(&reducer.surface, p);
+                }
+            }
+            reducer.look(a, b);
+            let Some(candidate) = reducer.judge_looked_at() else { continue };
+            let most = cost * reorder;
+            if candidate.cost as f32 > most {
+                self.queue.push(candidate.cost as f32, entry);
+                continue;
+            }
+            let terms = Terms { paid: entry.time != time, most: left + 1, limit: f64::from(most) };
+            match reducer.collapse_looked_at(candidate, terms) {
+                Outcome::Done(_) => self.requeue(reducer, a, b),
+                Outcome::Fined(cost) => self.queue.push(cost as f32, Entry { time: time | PAID, ..entry }),
+                Outcome::Later(cost) => self.queue.push(cost as f32, entry),
+                Outcome::Refused => {}
+            }
         }
+        true
     }
 
-    fn is_over(&self, cost: f32) -> bool {
-        self.faces == 0 || self.limit.is_some_and(|limit| cost > limit)
+    /// Ranks the edges of a joined point anew.
+    fn requeue(&mut self, reducer: &mut Reducer, kept: u32, gone: u32) {
+        self.time += 1;
+        self.marks[kept as usize] = self.time;
+        self.marks[gone as usize] = GONE;
+        reducer.cost.update(&reducer.surface, kept);
+        reducer.rank_joined(&mut self.around, &mut self.costs);
+        for (&other, &cost) in self.around.iter().zip(&self.costs) {
+            self.marks[other as usize] |= STALE;
+            if cost < UNRANKED {
+                self.queue.push(cost, Entry { a: kept.min(other), b: kept.max(other), time: self.time });
+            }
+        }
     }
 }

@@ -9,7 +9,9 @@
 //! Places are found in single precision, relative to the edge; what they cost is evaluated in double precision, since a plane's error next to nothing
 //! is the difference of large terms.
 
+use super::fan::Four;
 use crate::attributes::add_product;
+use crate::lanes::{dot, gather};
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 use wide::f32x4;
 
@@ -132,14 +134,13 @@ impl Apex {
 
 /// Unit normal (xyz) and area (w) of a face; all zero where it has none.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Facet(Vec4);
+pub(super) struct Facet(pub Vec4);
 
 impl Facet {
+    /// Of the faces that have these two edges each, from one of their corners.
     #[inline]
-    pub fn of([a, b, c]: [DVec3; 3]) -> Self {
-        let cross = (b - a).cross(c - a);
-        let length = cross.length();
-        if length > 0.0 { Self((cross / length).extend(0.5 * length).as_vec4()) } else { Self::default() }
+    pub fn of_four(edges: [[Vec3; 2]; LANES]) -> [Self; LANES] {
+        Four::new(gather(edges.map(|e| e[0])), gather(edges.map(|e| e[1]))).facets().map(Self)
     }
 
     pub fn area_vector(self) -> Vec3 {
@@ -304,11 +305,6 @@ impl Lanes {
     }
 }
 
-#[inline]
-fn dot(a: [f32x4; 3], b: [f32x4; 3]) -> f32x4 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 fn multiply([xx, xy, xz, yy, yz, zz]: &[f32; 6], v: Vec3) -> Vec3 {
     Vec3::new(xx * v.x + xy * v.y + xz * v.z, xy * v.x + yy * v.y + yz * v.z, xz * v.x + yz * v.y + zz * v.z)
 }
@@ -349,8 +345,12 @@ mod tests {
 
     fn apex(position: DVec3, triangles: &[[DVec3; 3]]) -> Apex {
         let mut apex = Apex::default();
-        apex.set_faces(position, triangles.iter().map(|&t| Facet::of(t)));
+        apex.set_faces(position, triangles.iter().map(|&t| facet_of(&t)));
         apex
+    }
+
+    fn facet_of(&[a, b, c]: &[DVec3; 3]) -> Facet {
+        Facet::of_four([[(b - a).as_vec3(), (c - a).as_vec3()]; LANES])[0]
     }
 
     /// The quadric by its definition.
@@ -397,7 +397,7 @@ mod tests {
     fn the_place_keeps_the_volume() {
         let [fa, fb] = tents();
         let (a, b) = (apex(A, &fa), apex(B, &fb));
-        let shared: Vec3 = fa[..2].iter().map(|&t| Facet::of(t).area_vector()).sum();
+        let shared: Vec3 = fa[..2].iter().map(|&t| facet_of(&t).area_vector()).sum();
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
         let x = A + subject.place(shared, |_| true).offset;
         let volume = |replace: bool| -> f64 {
@@ -413,7 +413,7 @@ mod tests {
         let [fa, fb] = tents();
         let (a, b) = (apex(A, &fa), apex(B, &fb));
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
-        let shared: Vec3 = fa[..2].iter().map(|&t| Facet::of(t).area_vector()).sum();
+        let shared: Vec3 = fa[..2].iter().map(|&t| facet_of(&t).area_vector()).sum();
         let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
         for estimate in estimate([&a; LANES], [&b; LANES], 1.0, false) {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");

@@ -33,19 +33,24 @@ pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     pieces
 }
 
-/// Whether a piece's points are all `fresh` and it has no more than `most + 1` faces.
-pub(crate) fn may_remove(surface: &Surface, piece: &Piece, most: usize, fresh: impl Fn(u32) -> bool) -> bool {
-    let untouched = |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| fresh(p));
-    most > 0 && piece.faces.len() <= most + 1 && piece.faces.iter().all(untouched)
+/// Whether so many faces may go that a piece may be removed, of which some may be gone already.
+pub(crate) fn may_remove(surface: &Surface, piece: &Piece, most: usize) -> bool {
+    let left = piece.faces.iter().filter(|f| surface.is_live(**f as usize)).count();
+    0 < left && 0 < most && left <= most + 1
 }
 
-/// Removes a piece that [may be removed](may_remove); gives the faces removed, at most `most`.
-pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize, fresh: impl Fn(u32) -> bool) -> usize {
-    if !may_remove(surface, piece, most, fresh) {
+/// Removes what is left of a piece that [may be removed](may_remove); gives the faces removed, at most `most`.
+pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize) -> usize {
+    if !may_remove(surface, piece, most) {
         return 0;
     }
-    piece.faces.iter().for_each(|&face| surface.remove_face(face as usize));
-    piece.faces.len().min(most)
+    let before = surface.face_count();
+    for &face in &piece.faces {
+        if surface.is_live(face as usize) {
+            surface.remove_face(face as usize);
+        }
+    }
+    (before - surface.face_count()).min(most)
 }
 
 fn split_pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
@@ -81,8 +86,11 @@ fn join_faces(surface: &Surface) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..surface.points.len() as u32).collect();
     for f in surface.live_faces() {
         let [a, b, c] = surface.face(f);
-        join(&mut parent, a, b);
-        join(&mut parent, a, c);
+        let [pa, pb, pc] = [a, b, c].map(|p| parent[p as usize]);
+        if pa != pb || pa != pc {
+            join(&mut parent, a, b);
+            join(&mut parent, a, c);
+        }
     }
     parent
 }

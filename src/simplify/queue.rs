@@ -131,12 +131,19 @@ pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result
     Ok((reducer.log.ok_or_else(lost)?.finished(), reducer.surface))
 }
 
+/// Removes a piece that nothing has changed since the queue was filled.
 fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &[bool]) {
-    let fresh = |p: u32| !touched[p as usize];
-    if let Some(log) = reducer.log.as_mut().filter(|_| prune::may_remove(&reducer.surface, piece, most, fresh)) {
-        log.remove(&reducer.surface, &piece.faces);
+    let surface = &mut reducer.surface;
+    let is_as_it_was = |f: &u32| {
+        surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize])
+    };
+    if !piece.faces.iter().all(is_as_it_was) || !prune::may_remove(surface, piece, most) {
+        return;
     }
-    prune::remove(&mut reducer.surface, piece, most, fresh);
+    if let Some(log) = &mut reducer.log {
+        log.remove(surface, &piece.faces);
+    }
+    prune::remove(surface, piece, most);
 }
 
 /// Judges anew every edge whose cost the collapse changed: those at the joined point and, where costs reach so far, at its neighbours.

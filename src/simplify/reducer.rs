@@ -2,10 +2,11 @@
 
 use super::Refusals;
 use super::constraints::Constraints;
-use super::cost::{AtEnds, Candidate, Cost, pinned};
+use super::cost::{AtEnds, Candidate, Cost, UNRANKED, pinned};
 use super::enhanced::Enhanced;
 use super::fms::Fms;
-use super::guard::{Cause, Marks, check_remains, check_shape, check_topology};
+use super::fan::Fan;
+use super::guard::{Cause, check_needles, check_remains, check_topology};
 use super::melax::Melax;
 use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use super::paper::Paper;
@@ -14,11 +15,15 @@ use super::qfvp::Qfvp;
 use crate::attributes::Solution;
 use crate::curvature::border_points;
 use crate::mesh::Mesh;
-use crate::mesh::edges::{Edge, Irregular, recollect_edges};
+use crate::mesh::edges::{Edge, EdgeKind, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::progressive::Log;
+use rayon::prelude::*;
 use std::mem::take;
+
+/// Edges that one task ranks.
+const TASK: usize = 4096;
 
 /// A surface on its way from fine to coarse.
 pub(crate) struct Reducer {
@@ -37,11 +42,11 @@ pub(crate) struct Reducer {
     border: Vec<bool>,
     irregular: Irregular,
     solution: Solution,
-    /// The collapse in work, and marks for its checks: kept for their memory.
+    /// The collapse in work: kept for its memory.
     merge: Merge,
-    marks: Marks,
+    fan: Fan,
     /// Quality below which a face is a needle.
-    needle: f64,
+    needle: f32,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
 }
@@ -83,7 +88,7 @@ impl Reducer {
             surface,
             solution: Solution::default(),
             merge: Merge::default(),
-            marks: Marks::default(),
+            fan: Fan::default(),
             needle: needle_quality(options),
             to_ends,
         }
@@ -130,7 +135,41 @@ impl Reducer {
     /// About what all edges cost.
     pub fn rank(&mut self, costs: &mut Vec<f32>) {
         self.count_locked();
-        self.cost.rank(&self.surface, &self.edges, &self.locked, costs);
+        costs.clear();
+        costs.resize(self.edges.len(), UNRANKED);
+        let (cost, surface, locked) = (&*self.cost, &self.surface, &self.locked);
+        let tasks = self.edges.par_chunks(TASK).zip(costs.par_chunks_mut(TASK));
+        tasks.for_each(|(edges, costs)| cost.rank(surface, edges, locked, costs));
+    }
+
+    /// Looks at an edge, for [`Self::judge_looked_at`] and [`Self::collapse_looked_at`].
+    pub fn look(&mut self, a: u32, b: u32) {
+        self.merge.look(&self.surface, a, b);
+    }
+
+    /// [`Self::judge`] of the edge looked at.
+    pub fn judge_looked_at(&self) -> Option<Candidate> {
+        pinned(&self.surface, &self.locked, self.merge.kept, self.merge.gone)
+            .and_then(|pin| self.cost.judge_merge(&self.surface, &self.merge, pin))
+    }
+
+    /// The points around the one that the last collapse joined, and about what the edges to them cost.
+    pub fn rank_joined(&self, around: &mut Vec<u32>, costs: &mut Vec<f32>) {
+        let hub = self.merge.kept;
+        if self.irregular.is_either(hub, hub) {
+            self.merge.around(around);
+        } else {
+            around.clone_from(&self.merge.firsts);
+        }
+        costs.clear();
+        costs.resize(around.len(), UNRANKED);
+        self.cost.rank_hub(&self.surface, hub, around, costs);
+        for (&p, cost) in around.iter().zip(costs) {
+            if self.locked[hub as usize] || self.locked[p as usize] {
+                let edge = Edge { a: hub.min(p), b: hub.max(p), kind: EdgeKind::default() };
+                *cost = self.cost.rank_exactly(&self.surface, &edge, &self.locked);
+            }
+        }
     }
 
     /// The candidate for an edge; `None` if it is locked or costs nothing finite.
@@ -146,8 +185,13 @@ impl Reducer {
 
     /// Collapses an edge unless a guard refuses.
     pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
+        self.look(a, b);
+        self.collapse_looked_at(candidate, terms)
+    }
+
+    /// Collapses the edge looked at unless a guard refuses.
+    pub fn collapse_looked_at(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
         let mut merge = take(&mut self.merge);
-        merge.look(&self.surface, a, b);
         let outcome = if self.to_ends {
             self.collapse_to_end(&mut merge, candidate, terms)
         } else {
@@ -216,17 +260,25 @@ impl Reducer {
             log.finish(entry, &self.surface);
         }
         self.locked[a as usize] |= self.locked[b as usize];
-        self.border[a as usize] |= self.border[b as usize];
-        self.irregular.follow(&self.surface, a, b, terms.paid);
+        if terms.paid || self.irregular.is_either(a, b) {
+            self.border[a as usize] |= self.border[b as usize];
+            self.irregular.follow(&self.surface, a, b, terms.paid);
+        }
+        self.cost.follow_faces(merge, &self.fan);
         self.cost.merged(&self.surface, a, b);
         Outcome::Done(merge.faces.len())
     }
 
     fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
         check_remains(merge)?;
-        check_shape(&self.surface, merge, candidate.position, if terms.paid { 0.0 } else { self.needle })?;
+        let worst = self.fan.look(&self.surface, merge, candidate.position)?;
         if !terms.paid {
-            check_topology(&self.surface, merge, &self.border, &mut self.marks)?;
+            check_needles(&self.surface, merge, worst, self.needle)?;
+            if self.irregular.is_either(merge.kept, merge.gone) {
+                check_topology(&self.surface, merge, &self.border)?;
+            } else if !merge.keeps_regular() {
+                return Err(Cause::Link);
+            }
             if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
                 return Err(Cause::Seam);
             }
@@ -241,7 +293,7 @@ impl Reducer {
 
 /// Quality below which a face is a needle. Refinement brings back what stricter collapses cost in distance; the papers know no needles, and only
 /// the worst are kept from them.
-fn needle_quality(options: &Options) -> f64 {
+fn needle_quality(options: &Options) -> f32 {
     match (options.algorithm, options.effort) {
         (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
         (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.2,

@@ -278,6 +278,6 @@ fn a_pass_ends_where_costs_vanish_in_single_precision() {
     let mut reducer = Reducer::new(&terrain(8), &bare());
     reducer.cost = Box::new(Tiny(Metric::default()));
     let target = reducer.surface.face_count() / 2;
-    passes::run_pass(&mut reducer, &mut passes::Workspace::default(), target);
+    passes::run(&mut reducer, &mut passes::Workspace::default(), target);
     assert!(reducer.surface.face_count() < 2 * target);
 }

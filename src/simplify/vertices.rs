@@ -12,17 +12,16 @@ use smallvec::SmallVec;
 pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
     let mut queue = Queue::fill(reducer);
     let mut pieces = reducer.pieces().into_iter().peekable();
-    let mut touched = vec![false; reducer.surface.points.len()];
     while let Some(left) = reducer.surface.face_count().checked_sub(target).filter(|left| *left > 0) {
         let Some(point) = queue.heap.pop() else {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = pieces.next() else { return };
-            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
+            prune::remove(&mut reducer.surface, &piece, left);
             continue;
         };
         let Some(best) = queue.find_best(reducer, point) else { continue };
         if let Some(piece) = pieces.next_if(|p| p.cost <= best.rank.cost()) {
-            prune::remove(&mut reducer.surface, &piece, left, |p| !touched[p as usize]);
+            prune::remove(&mut reducer.surface, &piece, left);
             queue.weigh(reducer, point);
             continue;
         }
@@ -30,10 +29,7 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         let Some(candidate) = reducer.judge(a, b) else { continue };
         let terms = Terms { paid: best.paid, most: left + 1, limit: best.rank.cost() };
         match reducer.collapse((a, b), candidate, terms) {
-            Outcome::Done(_) => {
-                touched[a as usize] = true;
-                queue.follow(reducer, a, b);
-            }
+            Outcome::Done(_) => queue.follow(reducer, a, b),
             Outcome::Fined(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost)), true),
             Outcome::Later(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost)), best.paid),
             Outcome::Refused => queue.set_back(reducer, point, best.other, None, false),

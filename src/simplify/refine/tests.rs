@@ -1,6 +1,6 @@
 use super::super::deviation::Deviation;
 use super::super::options::{EdgePolicy, Options};
-use super::super::passes::{Workspace, run_pass};
+use super::super::passes::{Workspace, run};
 use super::super::reducer::Reducer;
 use super::*;
 use crate::mesh::edges::Edge;
@@ -56,7 +56,7 @@ fn collapse(mesh: &Mesh, options: &Options, triangles: usize) -> (Reducer, Refin
     let mut workspace = Workspace::default();
     while reducer.surface.face_count() > triangles {
         let before = reducer.surface.face_count();
-        run_pass(&mut reducer, &mut workspace, triangles);
+        run(&mut reducer, &mut workspace, triangles);
         if reducer.surface.face_count() == before {
             break;
         }
