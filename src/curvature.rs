@@ -3,8 +3,8 @@
 use crate::lanes::{cross, dot, gather, minus};
 use crate::mesh::edges::{Edge, EdgeKind};
 use crate::mesh::surface::Surface;
+use crate::tasks;
 use glam::DVec3;
-use rayon::prelude::*;
 use std::f32::consts::FRAC_PI_2;
 use std::f64::consts::PI;
 use wide::f32x4;
@@ -44,30 +44,25 @@ impl Curvature {
 
 /// Gaussian curvature of all points, in single precision: quick rather than exact to the last digit.
 pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
-    const TASK: usize = 4096;
     // Angles at the three corners, and the area.
     let mut faces = vec![[0.0; 4]; surface.face_slots()];
-    faces.par_chunks_mut(TASK).enumerate().for_each(|(task, faces)| {
+    tasks::for_some(&mut faces, |start, faces| {
         for (four, faces) in faces.chunks_mut(4).enumerate() {
-            let first = task * TASK + 4 * four;
+            let first = start + 4 * four;
             let corners = [0, 1, 2, 3].map(|lane: usize| surface.triangle(first + lane.min(faces.len() - 1)));
             faces.iter_mut().zip(angles_and_areas(corners)).for_each(|(face, new)| *face = new);
         }
     });
-    (0..surface.points.len())
-        .into_par_iter()
-        .with_min_len(TASK)
-        .map(|p| {
-            let (mut angle, mut area) = (0.0, 0.0);
-            for &corner in surface.ring(p as u32) {
-                let face = &faces[Surface::face_of(corner)];
-                angle += face[(corner & 3) as usize];
-                area += face[3];
-            }
-            let full = if border[p] { std::f32::consts::PI } else { 2.0 * std::f32::consts::PI };
-            if area > f32::MIN_POSITIVE { 3.0 * (full - angle) / area } else { 0.0 }
-        })
-        .collect()
+    tasks::collect(surface.points.len(), |p| {
+        let (mut angle, mut area) = (0.0, 0.0);
+        for &corner in surface.ring(p as u32) {
+            let face = &faces[Surface::face_of(corner)];
+            angle += face[(corner & 3) as usize];
+            area += face[3];
+        }
+        let full = if border[p] { std::f32::consts::PI } else { 2.0 * std::f32::consts::PI };
+        if area > f32::MIN_POSITIVE { 3.0 * (full - angle) / area } else { 0.0 }
+    })
 }
 
 fn angles_and_areas(triangles: [[DVec3; 3]; 4]) -> [[f32; 4]; 4] {

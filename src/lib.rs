@@ -23,6 +23,7 @@ mod random;
 pub mod report;
 mod shapes;
 pub mod simplify;
+mod tasks;
 
 pub use error::{Error, Kind, Result};
 pub use pipeline::{

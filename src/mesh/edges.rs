@@ -1,6 +1,7 @@
 //! The edges of a surface and what runs along them: open borders, seams, material borders, folds.
 
 use super::surface::{Corner, Surface};
+use crate::tasks;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
@@ -67,8 +68,7 @@ pub(crate) struct Irregular(Vec<bool>);
 impl Irregular {
     /// Looks at all points.
     pub fn find(surface: &Surface) -> Self {
-        let irregular = |point: usize| !is_regular(surface, point as u32);
-        Self((0..surface.points.len()).into_par_iter().with_min_len(4096).map(irregular).collect())
+        Self(tasks::collect(surface.points.len(), |point| !is_regular(surface, point as u32)))
     }
 
     /// Follows a collapse. Of one that breaks the link condition (`breaking`) anything may have become of the edges around it.
@@ -141,6 +141,7 @@ pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &
                 edges
             })
             .collect();
+        edges.reserve_exact(chunks.iter().map(Vec::len).sum());
         chunks.iter().for_each(|chunk| edges.extend_from_slice(chunk));
     }
     let mut fan = Fan::default();

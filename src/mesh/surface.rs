@@ -427,7 +427,7 @@ impl Surface {
         // A wedge may stand at several points only by a bug; keyed by wedge the vertex count stays minimal.
         let mut vertex_of = vec![u32::MAX; self.wedges.len()];
         let mut order = Vec::new();
-        let mut mesh = Mesh::default();
+        let mut mesh = Mesh { triangles: Vec::with_capacity(self.live), ..Mesh::default() };
         for f in self.live_faces() {
             let triangle = [0, 1, 2].map(|k| {
                 let (point, wedge) = (self.faces[f][k], self.corners_or_points()[f][k]);
@@ -439,7 +439,9 @@ impl Surface {
                 *slot
             });
             mesh.triangles.push(triangle);
-            mesh.groups.push(self.wedges.group(self.corners_or_points()[f][0]));
+            if self.wedges.has_groups() {
+                mesh.groups.push(self.wedges.group(self.corners_or_points()[f][0]));
+            }
         }
         (mesh, order)
     }

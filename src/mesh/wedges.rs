@@ -19,6 +19,7 @@ pub(crate) struct Wedges {
     values: Vec<f32>,
     /// Least and greatest source value of each number of a row: a texture atlas ends there.
     range: Vec<(f32, f32)>,
+    /// Empty where all are in group 0.
     groups: Vec<u32>,
     skin: Option<Skin>,
     /// The source vertex that each wedge came from.
@@ -44,11 +45,7 @@ impl Wedges {
                 values.extend_from_slice(&a.values[v as usize * a.width..][..a.width]);
             }
         }
-        let mut group_of = vec![0; mesh.positions.len()];
-        for (t, triangle) in mesh.triangles.iter().enumerate() {
-            triangle.iter().for_each(|&v| group_of[v as usize] = mesh.group(t));
-        }
-        let groups = vertices.iter().map(|&v| group_of[v as usize]).collect();
+        let groups = if mesh.groups.is_empty() { Vec::new() } else { pick_groups(mesh, vertices) };
         let skin = mesh.skin.as_ref().map(|s| pick_skin(s, vertices));
         let mut range = vec![(f32::INFINITY, f32::NEG_INFINITY); stride];
         for row in values.chunks_exact(stride.max(1)) {
@@ -60,7 +57,12 @@ impl Wedges {
     }
 
     pub fn len(&self) -> usize {
-        self.groups.len()
+        self.origins.len()
+    }
+
+    /// Whether there are several groups, as far as the source says.
+    pub fn has_groups(&self) -> bool {
+        !self.groups.is_empty()
     }
 
     /// Whether wedges carry nothing that a collapse could change.
@@ -79,7 +81,7 @@ impl Wedges {
     }
 
     pub fn group(&self, wedge: u32) -> u32 {
-        self.groups[wedge as usize]
+        self.groups.get(wedge as usize).copied().unwrap_or(0)
     }
 
     /// The source vertex that a wedge came from: it still is that vertex, if nothing has moved or changed it.
@@ -129,14 +131,16 @@ impl Wedges {
     pub fn duplicate(&mut self, wedge: u32) -> u32 {
         let (w, stride) = (wedge as usize, self.stride);
         self.values.extend_from_within(w * stride..(w + 1) * stride);
-        self.groups.push(self.groups[w]);
+        if self.has_groups() {
+            self.groups.push(self.groups[w]);
+        }
         self.origins.push(self.origins[w]);
         if let Some(skin) = &mut self.skin {
             let n = skin.influences;
             skin.joints.extend_from_within(w * n..(w + 1) * n);
             skin.weights.extend_from_within(w * n..(w + 1) * n);
         }
-        self.groups.len() as u32 - 1
+        self.origins.len() as u32 - 1
     }
 
     /// Joint influences halfway (`t`) from wedge `a` to wedge `b`, as (joint, weight), strongest first.
@@ -231,6 +235,14 @@ impl Wedges {
         normalize_directions(&mut mesh.attributes);
         mesh.skin = self.skin.as_ref().map(|s| pick_skin(s, order));
     }
+}
+
+fn pick_groups(mesh: &Mesh, vertices: &[u32]) -> Vec<u32> {
+    let mut group_of = vec![0; mesh.positions.len()];
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        triangle.iter().for_each(|&v| group_of[v as usize] = mesh.group(t));
+    }
+    vertices.iter().map(|&v| group_of[v as usize]).collect()
 }
 
 fn pick_skin(skin: &Skin, rows: &[u32]) -> Skin {

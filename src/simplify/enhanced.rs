@@ -16,11 +16,8 @@ use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, find_edge};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
+use crate::tasks;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
-
-/// Points, faces or edges that one task works on.
-const TASK: usize = 4096;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
@@ -141,15 +138,15 @@ fn edges_of(surface: &Surface, face: usize) -> [Vec3; 2] {
 impl Cost for Enhanced {
     fn refresh(&mut self, surface: &Surface, edges: &[Edge]) {
         self.facets.resize(surface.face_slots(), Facet::default());
-        self.facets.par_chunks_mut(TASK).enumerate().for_each(|(task, facets)| {
+        tasks::for_some(&mut self.facets, |start, facets| {
             for (four, facets) in facets.chunks_mut(LANES).enumerate() {
-                let first = task * TASK + four * LANES;
+                let first = start + four * LANES;
                 let edges = std::array::from_fn(|lane| edges_of(surface, first + lane.min(facets.len() - 1)));
                 facets.iter_mut().zip(Facet::of_four(edges)).for_each(|(facet, new)| *facet = new);
             }
         });
         let facets = &self.facets;
-        self.apexes.par_iter_mut().with_min_len(TASK).enumerate().for_each(|(p, apex)| {
+        tasks::for_each(&mut self.apexes, |p, apex| {
             let ring = surface.ring(p as u32);
             apex.set_faces(surface.points[p], ring.iter().map(|&c| facets[Surface::face_of(c)]));
         });

@@ -19,11 +19,8 @@ use crate::mesh::edges::{Edge, EdgeKind, Irregular, recollect_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::progressive::Log;
-use rayon::prelude::*;
+use crate::tasks;
 use std::mem::take;
-
-/// Edges that one task ranks.
-const TASK: usize = 4096;
 
 /// A surface on its way from fine to coarse.
 pub(crate) struct Reducer {
@@ -138,8 +135,8 @@ impl Reducer {
         costs.clear();
         costs.resize(self.edges.len(), UNRANKED);
         let (cost, surface, locked) = (&*self.cost, &self.surface, &self.locked);
-        let tasks = self.edges.par_chunks(TASK).zip(costs.par_chunks_mut(TASK));
-        tasks.for_each(|(edges, costs)| cost.rank(surface, edges, locked, costs));
+        let edges = &self.edges;
+        tasks::for_some(costs, |first, costs| cost.rank(surface, &edges[first..][..costs.len()], locked, costs));
     }
 
     /// Looks at an edge, for [`Self::judge_looked_at`] and [`Self::collapse_looked_at`].
