@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 /// What each room may use of this crate. `error` is everybody's.
 const ALLOWED: &[(&str, &[&str])] = &[
     ("error", &[]),
-    ("mesh", &[]),
+    ("mesh", &["tasks"]),
     ("bvh", &[]),
-    ("curvature", &["mesh"]),
+    ("lanes", &[]),
+    ("tasks", &[]),
+    ("curvature", &["lanes", "mesh", "tasks"]),
     // Attributes and simplifier are one level: the weights of attributes are options of the simplifier.
     ("attributes", &["mesh", "simplify"]),
     ("random", &[]),
@@ -17,7 +19,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("shapes", &["mesh", "random"]),
     ("measure", &["bvh", "mesh", "random"]),
     ("progressive", &["mesh"]),
-    ("simplify", &["attributes", "bvh", "curvature", "mesh", "predictor", "progressive"]),
+    ("simplify", &["attributes", "bvh", "curvature", "lanes", "mesh", "predictor", "progressive", "tasks"]),
     ("meshoptimizer", &["mesh"]),
     ("baseline", &["measure", "mesh", "meshoptimizer"]),
     ("asset", &["mesh", "meshoptimizer"]),

@@ -112,7 +112,9 @@ impl Rings {
     fn remove(&mut self, point: u32, corner: Corner) {
         let span = &mut self.spans[point as usize];
         let run = &mut self.pool[span.start as usize..][..span.length as usize];
-        if let Some(at) = run.iter().position(|&c| c == corner) {
+        // Where it is cannot be foretold: looking at all is faster than leaving early.
+        let at = run.iter().enumerate().fold(run.len(), |at, (i, &c)| if c == corner { i } else { at });
+        if at < run.len() {
             run.swap(at, run.len() - 1);
             span.length -= 1;
         }
@@ -199,6 +201,11 @@ impl Surface {
     /// Whether the face is still there.
     pub fn is_live(&self, face: usize) -> bool {
         self.faces[face][0] != DEAD
+    }
+
+    /// The corners of [`Self::opposite`].
+    pub fn corners_opposite(corner: Corner) -> [Corner; 2] {
+        others(corner).map(|k| corner & !3 | k as u32)
     }
 
     /// The points of a live face.
@@ -340,14 +347,9 @@ impl Surface {
         if merge.is_turned() {
             self.tell_wedges_apart();
         }
-        for &face in &merge.faces {
-            for k in 0..3 {
-                let point = self.faces[face][k];
-                if point != kept && point != gone {
-                    self.rings.remove(point, (face as u32) << 2 | k as u32);
-                }
-            }
-            self.faces[face][0] = DEAD;
+        for &(point, corner) in &merge.across {
+            self.rings.remove(point, corner);
+            self.faces[Self::face_of(corner)][0] = DEAD;
         }
         self.live -= merge.faces.len();
         for &corner in merge.spokes_of_gone() {

@@ -13,6 +13,8 @@ pub(crate) struct Merge {
     pub gone: u32,
     /// Faces that have both points.
     pub faces: SmallVec<[usize; 4]>,
+    /// The points across the edge, the third ones of its faces, and their corners there.
+    pub across: SmallVec<[(u32, Corner); 4]>,
     /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay, unless the merge is turned.
     pub pairs: SmallVec<[(u32, u32); 4]>,
     /// Corners at either end whose faces survive: the ring of the joined point. Those at `kept` come first.
@@ -39,6 +41,7 @@ impl Merge {
     pub fn look(&mut self, surface: &Surface, kept: u32, gone: u32) {
         (self.kept, self.gone, self.turned) = (kept, gone, false);
         self.faces.clear();
+        self.across.clear();
         self.pairs.clear();
         self.spokes.clear();
         self.rims.clear();
@@ -50,6 +53,8 @@ impl Merge {
                 continue;
             }
             self.faces.push(Surface::face_of(corner));
+            let third = usize::from(points[0] == gone);
+            self.across.push((points[third], Surface::corners_opposite(corner)[third]));
             let pair = pair_at(surface, corner, points, gone);
             if !self.pairs.contains(&pair) {
                 self.pairs.push(pair);
@@ -152,12 +157,6 @@ impl Merge {
     /// Corners at either end, those of the edge's own faces once (at `kept`).
     pub fn corners<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = Corner> + 'a {
         surface.ring(self.kept).iter().chain(self.spokes_of_gone()).copied()
-    }
-
-    /// The points across the edge: the third one of each of its faces.
-    pub fn across<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = u32> + 'a {
-        let ends = [self.kept, self.gone];
-        self.faces.iter().flat_map(|&f| surface.face(f)).filter(move |p| !ends.contains(p))
     }
 
     /// Whether the wedges at `gone` stay instead of those at `kept`.

@@ -10,7 +10,7 @@ use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::fan::Fan;
 use super::options::{Options, Placement};
-use super::placement::{Apex, Facet, LANES, Subject, estimate};
+use super::placement::{Apex, Facet, LANES, Lanes, Subject, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, find_edge};
@@ -160,8 +160,9 @@ impl Cost for Enhanced {
     fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
         let weight = self.options.curvature_weight;
         let estimate = |edges: &[Edge; LANES]| {
-            let apex = |p: u32| &self.apexes[p as usize];
-            estimate(edges.each_ref().map(|e| apex(e.a)), edges.each_ref().map(|e| apex(e.b)), weight, self.at_ends)
+            let ends = [|e: &Edge| e.a, |e: &Edge| e.b];
+            let [a, b] = ends.map(|end| Lanes::of(edges.each_ref().map(|e| &self.apexes[end(e) as usize])));
+            estimate(&a, &b, weight, self.at_ends)
         };
         let (fours, rest) = edges.as_chunks();
         let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
@@ -197,10 +198,10 @@ impl Cost for Enhanced {
 
     fn rank_hub(&self, surface: &Surface, hub: u32, around: &[u32], costs: &mut [f32]) {
         let weight = self.options.curvature_weight;
-        let apex = &self.apexes[hub as usize];
+        let here = Lanes::splat(&self.apexes[hub as usize]);
         for (points, costs) in around.chunks(LANES).zip(costs.chunks_mut(LANES)) {
             let others = std::array::from_fn(|lane| &self.apexes[points[lane.min(points.len() - 1)] as usize]);
-            costs.copy_from_slice(&estimate([apex; LANES], others, weight, self.at_ends)[..points.len()]);
+            costs.copy_from_slice(&estimate(&here, &Lanes::of(others), weight, self.at_ends)[..points.len()]);
         }
         for (&p, cost) in around.iter().zip(costs) {
             self.complete(surface, hub.min(p), hub.max(p), cost);

@@ -66,7 +66,7 @@ pub(crate) fn check_topology(
     merge: &Merge,
     border: &[bool],
 ) -> Result<(), Cause> {
-    let across: SmallVec<[u32; 4]> = merge.across(surface).collect();
+    let across: SmallVec<[u32; 4]> = merge.across.iter().map(|across| across.0).collect();
     let (near, far) = merge.rims.split_at(merge.spokes_of_kept().len());
     let is_near = |p: &u32| holds(near.as_flattened(), *p) && !holds(&across, *p);
     if far.as_flattened().iter().any(is_near) {

@@ -250,13 +250,7 @@ fn factor(a: [f32x4; 3], b: [f32x4; 3], curvature: f32x4, length_squared: f32x4,
 /// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
 /// all that ranking needs. With `at_ends` the least of both ends alone.
 #[inline]
-pub(super) fn estimate(
-    first: [&Apex; LANES],
-    second: [&Apex; LANES],
-    curvature_weight: f32,
-    at_ends: bool,
-) -> [f32; LANES] {
-    let (a, b) = (Lanes::of(first), Lanes::of(second));
+pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: bool) -> [f32; LANES] {
     let splat = f32x4::splat;
     let edge = [0, 1, 2].map(|i| b.position[i] - a.position[i]);
     // A e = weight (m · e) m + spread e.
@@ -284,8 +278,8 @@ pub(super) fn estimate(
     (error * factor).to_array()
 }
 
-/// Four points, number by number.
-struct Lanes {
+/// What is known of four points, number by number.
+pub(super) struct Lanes {
     weight: f32x4,
     mean: [f32x4; 3],
     spread: [f32x4; 6],
@@ -295,13 +289,26 @@ struct Lanes {
 
 impl Lanes {
     #[inline]
-    fn of(apexes: [&Apex; LANES]) -> Self {
+    pub fn of(apexes: [&Apex; LANES]) -> Self {
         let numbers = |row: fn(&Apex) -> [f32; 4]| f32x4::transpose(apexes.map(|apex| f32x4::from(row(apex))));
         let [weight, mx, my, mz] = numbers(|apex| apex.mean);
         let [xx, xy, xz, yy] = numbers(|apex| apex.spread);
         let [yz, zz, curvature, _] = numbers(|apex| apex.rest);
         let [px, py, pz, _] = numbers(|apex| apex.position);
         Self { weight, mean: [mx, my, mz], spread: [xx, xy, xz, yy, yz, zz], curvature, position: [px, py, pz] }
+    }
+
+    /// One point four times.
+    pub fn splat(apex: &Apex) -> Self {
+        let three = |[_, x, y, z]: [f32; 4]| [x, y, z].map(f32x4::splat);
+        let [x, y, z, _] = apex.position;
+        Self {
+            weight: f32x4::splat(apex.weight()),
+            mean: three(apex.mean),
+            spread: apex.spread().map(f32x4::splat),
+            curvature: f32x4::splat(apex.curvature()),
+            position: [x, y, z].map(f32x4::splat),
+        }
     }
 }
 
@@ -415,7 +422,7 @@ mod tests {
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
         let shared: Vec3 = fa[..2].iter().map(|&t| facet_of(&t).area_vector()).sum();
         let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
-        for estimate in estimate([&a; LANES], [&b; LANES], 1.0, false) {
+        for estimate in estimate(&Lanes::splat(&a), &Lanes::of([&b; LANES]), 1.0, false) {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
         }
     }

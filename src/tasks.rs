@@ -1,0 +1,29 @@
+//! Work on long arrays, by all threads where that is worth waking them.
+
+use rayon::prelude::*;
+
+/// Items that one thread takes at a time.
+const TASK: usize = 4096;
+/// Items from which on several threads are faster than one.
+const MANY: usize = 4 * TASK;
+
+/// Works on all `items`, some at a time: `work` gets the index of the first one, and them. What it does to one must not depend on which come with it.
+pub(crate) fn for_some<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {
+    if items.len() < MANY {
+        work(0, items);
+    } else {
+        items.par_chunks_mut(TASK).enumerate().for_each(|(task, items)| work(task * TASK, items));
+    }
+}
+
+/// Works on each of `items`, which `work` gets with its index.
+pub(crate) fn for_each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+    for_some(items, |first, items| items.iter_mut().enumerate().for_each(|(i, item)| work(first + i, item)));
+}
+
+/// What `make` gives for 0 to `count`.
+pub(crate) fn collect<T: Send + Clone + Default>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let mut items = vec![T::default(); count];
+    for_each(&mut items, |i, item| *item = make(i));
+    items
+}
