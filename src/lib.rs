@@ -7,10 +7,10 @@ pub mod bench;
 mod bvh;
 pub mod coverage;
 mod curvature;
-mod lanes;
 pub mod discover;
 pub mod emit;
 pub mod error;
+mod lanes;
 pub mod measure;
 pub mod mesh;
 #[allow(dead_code)]

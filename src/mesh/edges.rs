@@ -118,7 +118,8 @@ fn is_closed<const N: usize>(surface: &Surface, ring: &[Corner]) -> bool {
     // Each is once among its own, and once among the others.
     let count = |points: &[u32; N], p: u32| points.iter().map(|&q| u32::from(q == p)).sum::<u32>();
     let corners = ring.len();
-    let own = after[..corners].iter().map(|&p| count(&after, p)).chain(before[..corners].iter().map(|&p| count(&before, p)));
+    let own =
+        after[..corners].iter().map(|&p| count(&after, p)).chain(before[..corners].iter().map(|&p| count(&before, p)));
     let shared = before[..corners].iter().map(|&p| count(&after, p));
     own.sum::<u32>() == 2 * corners as u32 && shared.sum::<u32>() == corners as u32
 }
@@ -129,6 +130,7 @@ fn is_closed<const N: usize>(surface: &Surface, ring: &[Corner]) -> bool {
 pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &mut Vec<Edge>) {
     const CHUNK: usize = 16384;
     edges.clear();
+    edges.reserve_exact(surface.face_count() * 3 / 2 + 64);
     let faces = surface.face_slots();
     if faces <= CHUNK {
         regular_edges(surface, irregular, 0..faces, edges);

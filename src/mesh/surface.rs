@@ -94,6 +94,8 @@ impl Rings {
             span.length = 0;
         }
         self.pool.clear();
+        // Joined rings go to the end.
+        self.pool.reserve_exact(start as usize * 15 / 8);
         self.pool.resize(start as usize, 0);
         for (f, face) in faces.iter().enumerate().filter(|(_, f)| f[0] != DEAD) {
             for (k, &p) in face.iter().enumerate() {
@@ -260,11 +262,6 @@ impl Surface {
     /// Face of a corner.
     pub fn face_of(corner: Corner) -> usize {
         (corner >> 2) as usize
-    }
-
-    /// The point at a corner.
-    pub fn point_at(&self, corner: Corner) -> u32 {
-        self.faces[Self::face_of(corner)][(corner & 3) as usize]
     }
 
     /// The wedge at a corner.

@@ -4,7 +4,7 @@ use super::guard::Cause;
 use crate::lanes::{Vec3x4, cross, dot, gather, minus};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
-use glam::{DVec3, Vec3, Vec4};
+use glam::{DVec3, Vec4};
 use wide::f32x4;
 
 const LANES: usize = 4;
@@ -53,13 +53,11 @@ impl Fan {
         let (rims, of_kept) = (merge.rims.as_slice(), merge.spokes_of_kept().len());
         let mut worst = f32x4::splat(f32::INFINITY);
         for start in (0..rims.len()).step_by(LANES) {
-            let mut all = [[Vec3::ZERO; LANES]; 3];
-            for lane in 0..LANES {
-                let at = (start + lane).min(rims.len() - 1);
-                let rim = rims[at];
-                (all[0][lane], all[1][lane], all[2][lane]) = (from(rim[0]), from(rim[1]), ends[usize::from(at >= of_kept)]);
-            }
-            let [first, second, apex] = all.map(gather);
+            // The last four are filled up with copies.
+            let at = |lane: usize| (start + lane).min(rims.len() - 1);
+            let first = gather(std::array::from_fn(|lane| from(rims[at(lane)][0])));
+            let second = gather(std::array::from_fn(|lane| from(rims[at(lane)][1])));
+            let apex = gather(std::array::from_fn(|lane| ends[usize::from(at(lane) >= of_kept)]));
             let (new, old) = (Four::new(first, second), Four::new(minus(first, apex), minus(second, apex)));
             let turned = dot(new.cross, old.cross).simd_le(f32x4::splat(FLIP_COSINE) * new.length * old.length);
             if (turned & old.length.simd_gt(f32x4::ZERO)).any() {

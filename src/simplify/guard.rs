@@ -61,11 +61,7 @@ pub(crate) fn check_remains(merge: &Merge) -> Result<(), Cause> {
 }
 
 /// Checks topology: the collapse must not join sheets or close holes (link condition). `border`: which points lie on an open edge.
-pub(crate) fn check_topology(
-    surface: &Surface,
-    merge: &Merge,
-    border: &[bool],
-) -> Result<(), Cause> {
+pub(crate) fn check_topology(surface: &Surface, merge: &Merge, border: &[bool]) -> Result<(), Cause> {
     let across: SmallVec<[u32; 4]> = merge.across.iter().map(|across| across.0).collect();
     let (near, far) = merge.rims.split_at(merge.spokes_of_kept().len());
     let is_near = |p: &u32| holds(near.as_flattened(), *p) && !holds(&across, *p);

@@ -64,7 +64,15 @@ pub(crate) fn run(reducer: &mut Reducer, workspace: &mut Workspace, target: usiz
 
 impl Default for Workspace {
     fn default() -> Self {
-        Self { queue: Buckets::default(), costs: Vec::new(), around: Vec::new(), pieces: Vec::new().into_iter().peekable(), marks: Vec::new(), time: 0, serves_to: None }
+        Self {
+            queue: Buckets::default(),
+            costs: Vec::new(),
+            around: Vec::new(),
+            pieces: Vec::new().into_iter().peekable(),
+            marks: Vec::new(),
+            time: 0,
+            serves_to: None,
+        }
     }
 }
 
@@ -78,6 +86,8 @@ impl Workspace {
         reducer.refresh();
         reducer.rank(&mut self.costs);
         self.queue.fill(&reducer.edges, &self.costs);
+        // All that is needed of them is in the queue: on large meshes this is the most memory that is ever held.
+        (reducer.edges, self.costs) = Default::default();
         self.pieces = reducer.pieces().into_iter().peekable();
         let points = reducer.surface.points.len();
         self.marks.clear();

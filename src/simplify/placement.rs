@@ -261,7 +261,7 @@ pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: boo
         let value = along * dot(apex.mean, edge) + dot(spread, edge);
         ([0, 1, 2].map(|i| along * apex.mean[i] + spread[i]), value)
     };
-    let ((u, at_end), (v, at_start)) = (times_edge(&a), times_edge(&b));
+    let ((u, at_end), (v, at_start)) = (times_edge(a), times_edge(b));
     let mut error = at_start.fast_min(at_end);
     if !at_ends {
         let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);

@@ -134,9 +134,8 @@ pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result
 /// Removes a piece that nothing has changed since the queue was filled.
 fn remove_piece(reducer: &mut Reducer, piece: &prune::Piece, most: usize, touched: &[bool]) {
     let surface = &mut reducer.surface;
-    let is_as_it_was = |f: &u32| {
-        surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize])
-    };
+    let is_as_it_was =
+        |f: &u32| surface.is_live(*f as usize) && surface.face(*f as usize).iter().all(|&p| !touched[p as usize]);
     if !piece.faces.iter().all(is_as_it_was) || !prune::may_remove(surface, piece, most) {
         return;
     }
