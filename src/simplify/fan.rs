@@ -83,3 +83,65 @@ pub(crate) fn quality([a, b, c]: [DVec3; 3]) -> f64 {
     let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
     if edges > 0.0 { 2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / edges } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+    use proptest::prelude::*;
+
+    /// Two points at 0 and 1, and a ring of others around both.
+    fn ring(heights: &[f32]) -> Mesh {
+        let count = heights.len() as u32;
+        let around = |(k, &z): (usize, &f32)| {
+            let angle = k as f32 / heights.len() as f32 * std::f32::consts::TAU;
+            [0.5 + angle.cos() * 1.5, angle.sin(), z]
+        };
+        let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]].into_iter();
+        let positions: Vec<[f32; 3]> = positions.chain(heights.iter().enumerate().map(around)).collect();
+        // The first half of the ring belongs to the point at 1, the other to the one at 0.
+        let quarter = count / 4;
+        let owner = |k: u32| u32::from(k < quarter || k >= count - quarter);
+        let mut triangles: Vec<[u32; 3]> = (0..count).map(|k| [owner(k), 2 + k, 2 + (k + 1) % count]).collect();
+        triangles.extend([[0, 1, 2 + quarter], [1, 0, 2 + count - quarter]]);
+        Mesh { positions, triangles, ..Mesh::default() }
+    }
+
+    proptest! {
+        #[test]
+        fn four_at_a_time_are_as_good_as_one(
+            heights in prop::collection::vec(-0.3f32..0.3, 8..13).prop_map(|mut h| { h.truncate(h.len() / 4 * 4); h }),
+            place in prop::array::uniform3(-0.8f32..0.8),
+        ) {
+            let surface = Surface::new(&ring(&heights));
+            let merge = Merge::new(&surface, 0, 1);
+            prop_assert_eq!(merge.spokes.len(), heights.len());
+            let position = surface.points[0].lerp(surface.points[1], 0.5) + DVec3::from(place.map(f64::from)) * 0.3;
+            let mut fan = Fan::default();
+            let found = fan.look(&surface, &merge, position);
+            let moved = |&c: &u32| {
+                let [p, q] = surface.opposite(c).map(|p| surface.points[p as usize]);
+                [position, p, q]
+            };
+            let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).normalize();
+            let cosines = merge.spokes.iter().map(|c| normal(moved(c)).dot(normal({
+                let [p, q] = surface.opposite(*c).map(|p| surface.points[p as usize]);
+                let apex = if merge.spokes_of_kept().contains(c) { 0 } else { 1 };
+                [surface.points[apex], p, q]
+            })));
+            let least = cosines.fold(1.0, f64::min);
+            prop_assume!((least - f64::from(FLIP_COSINE)).abs() > 1e-4);
+            prop_assert_eq!(found.is_ok(), least > f64::from(FLIP_COSINE));
+            if let Ok(worst) = found {
+                let expected = merge.spokes.iter().map(|c| quality(moved(c))).fold(f64::INFINITY, f64::min);
+                prop_assert!((f64::from(worst) - expected).abs() < 1e-5);
+                let facets: Vec<Vec4> = fan.fours().iter().flat_map(Four::facets).take(heights.len()).collect();
+                for (facet, corner) in facets.iter().zip(&merge.spokes) {
+                    let [a, b, c] = moved(corner);
+                    prop_assert!(facet.truncate().as_dvec3().distance(normal([a, b, c])) < 1e-4);
+                    prop_assert!((f64::from(facet.w) - 0.5 * (b - a).cross(c - a).length()).abs() < 1e-5);
+                }
+            }
+        }
+    }
+}
