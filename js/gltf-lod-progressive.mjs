@@ -29,7 +29,17 @@ const WIDTHS = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4, MAT2: 4, MAT3: 9, MAT4: 1
 
 /** Opens a GLB or as much of its beginning as there is; it must reach up to the first records. */
 export function openProgressive(bytes) {
-  return new ProgressiveFile(bytes);
+  return guarded(() => new ProgressiveFile(bytes));
+}
+
+/** What `read` gives. Where something that should be in the document is not, or is of another kind, the error says so. */
+function guarded(read) {
+  try {
+    return read();
+  } catch (error) {
+    if (error instanceof TypeError || error instanceof RangeError) throw new Error(`the file is damaged: ${error.message}`);
+    throw error;
+  }
 }
 
 export class ProgressiveFile {
@@ -87,6 +97,7 @@ export class ProgressiveMesh {
     this.state = new State(this.groups.map((group) => group.numbers));
     this.groups.forEach((group, number) => this.#readBase(group, number));
     this.next = { chunk: 0, at: 0, records: 0 };
+    this.checked = 0; // chunks whose checksums are right
   }
 
   /** Triangles now. */
@@ -99,10 +110,15 @@ export class ProgressiveMesh {
    * more of the file is needed.
    */
   refine(triangles = Infinity) {
+    return guarded(() => this.#refine(triangles));
+  }
+
+  #refine(triangles) {
     const { chunks } = this.extension;
     while (this.next.chunk < chunks.length) {
       const chunk = chunks[this.next.chunk];
       const bytes = this.file.view(chunk.bufferView);
+      this.#check(chunk, bytes);
       while (this.next.records < chunk.records) {
         const reader = new Reader(bytes, this.next.at);
         let record;
@@ -126,11 +142,25 @@ export class ProgressiveMesh {
     return "end";
   }
 
+  /** A chunk that is all there must have its checksum. */
+  #check({ bufferView, crc32 }, bytes) {
+    if (this.checked > this.next.chunk || crc32 === undefined) return;
+    if (bytes.length < this.file.json.bufferViews[bufferView].byteLength) return;
+    if (checksum(bytes) !== crc32) {
+      throw new Error(`${this.place}/chunks/${this.next.chunk}: the checksum of the records is another one`);
+    }
+    this.checked = this.next.chunk + 1;
+  }
+
   /**
    * The primitives that have triangles now: `{ primitive, indices, attributes, targets }` with `attributes` (and each of `targets`) by name
    * `{ array, itemSize, normalized }`.
    */
   level() {
+    return guarded(() => this.#level());
+  }
+
+  #level() {
     const { state } = this;
     const vertices = this.groups.map(() => []);
     const local = new Uint32Array(state.vertexCount);
@@ -208,7 +238,12 @@ export class ProgressiveMesh {
       throw new Error("sparse accessors and matrices of small integers are not read");
     }
     const bytes = this.file.view(accessor.bufferView);
-    const stride = this.file.json.bufferViews[accessor.bufferView].byteStride ?? width * Type.BYTES_PER_ELEMENT;
+    const size = width * Type.BYTES_PER_ELEMENT;
+    const stride = this.file.json.bufferViews[accessor.bufferView].byteStride ?? size;
+    const end = (accessor.byteOffset ?? 0) + (accessor.count - 1) * stride + size;
+    if (!(end <= bytes.length && accessor.count >= 1 && stride >= size)) {
+      throw new Error(`${this.place}: an accessor of the base is not all there`);
+    }
     const data = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     const read = {
       5120: (at) => data.getInt8(at),
@@ -268,6 +303,18 @@ function mirror(number, joined, first) {
 }
 
 // --- bytes ---
+
+const CHECKSUMS = Uint32Array.from({ length: 256 }, (_, byte) => {
+  for (let bit = 0; bit < 8; bit += 1) byte = byte & 1 ? 0xedb88320 ^ (byte >>> 1) : byte >>> 1;
+  return byte;
+});
+
+/** CRC-32. */
+function checksum(bytes) {
+  let sum = -1;
+  for (let at = 0; at < bytes.length; at += 1) sum = CHECKSUMS[(sum ^ bytes[at]) & 255] ^ (sum >>> 8);
+  return ~sum >>> 0;
+}
 
 const TRUNCATED = new Error("truncated");
 

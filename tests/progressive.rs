@@ -2,6 +2,7 @@
 
 mod support;
 
+use gltf_lod::{Kind, RebuildOptions, asset::Limits, rebuild};
 use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -330,38 +331,115 @@ fn edit_json(glb: &[u8], place: &str, value: Value) -> Vec<u8> {
     [&header, &text[..], &glb[20 + length..]].concat()
 }
 
-#[test]
-fn damaged_records_are_refused_or_give_a_sound_file() {
-    let progressive = Progressive::fixture("skinned/skin_and_morph.glb");
-    let bytes = progressive.bytes();
-    let gltf = Gltf::open(&progressive.path());
-    let records: u64 = items(&gltf.json["meshes"][0]["extensions"][EXTENSION]["chunks"])
-        .iter()
-        .map(|c| {
-            gltf.list("bufferViews")[c["bufferView"].as_u64().expect("a view") as usize]["byteLength"]
-                .as_u64()
-                .expect("a length")
-        })
-        .sum();
-    // Most changes of numbers give other numbers; those of counts and references are noticed.
-    let start = bytes.len() - records as usize;
-    let mut refused = 0;
-    for at in (start..bytes.len() - 1).step_by(records as usize / 40) {
-        let mut damaged = bytes.clone();
-        damaged[at..at + 2].iter_mut().for_each(|byte| *byte ^= 0xFF);
-        let (run, output) = progressive.try_rebuild(&damaged, None);
-        assert!(!run.stderr.contains("panicked") && !run.stderr.contains("a bug"), "{}", run.stderr);
-        match run.code {
-            Some(0) => drop(triangles(&Gltf::open(&output), 0)),
-            Some(3) => {
-                let place = format!("part.glb: /meshes/0/extensions/{EXTENSION}/chunks/");
-                assert!(run.stderr.contains(&place), "{}", run.stderr);
-                refused += 1;
+/// Damages copies of a file in many ways, the same at every run.
+struct Damager {
+    state: u64,
+    directory: TempDir,
+}
+
+impl Damager {
+    fn new() -> Self {
+        Self { state: 1, directory: TempDir::new().expect("a temporary directory") }
+    }
+
+    /// A number below `end`.
+    fn below(&mut self, end: usize) -> usize {
+        self.state = self.state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.state >> 33) as usize % end
+    }
+
+    /// The bytes with up to four of them from `start` on changed.
+    fn change(&mut self, bytes: &[u8], range: std::ops::Range<usize>) -> Vec<u8> {
+        let mut damaged = bytes.to_vec();
+        for _ in 0..=self.below(3) {
+            let (at, bit) = (range.start + self.below(range.len()), self.below(8));
+            damaged[at] ^= if bit % 2 == 0 { 1 << bit } else { 0xFF };
+        }
+        damaged
+    }
+
+    /// Whether the file is refused, by an error that names it; otherwise what comes of it is sound.
+    fn is_refused(&self, bytes: &[u8]) -> bool {
+        let [input, output] = ["part.glb", "rebuilt.glb"].map(|name| self.directory.path().join(name));
+        std::fs::write(&input, bytes).expect("a writable directory");
+        let (triangles, limits, jobs) = (None, Limits::default(), Some(1));
+        match rebuild(&RebuildOptions { input, output: output.clone(), triangles, limits, jobs }) {
+            Ok(report) => {
+                let gltf = Gltf::open(&output);
+                report.meshes.iter().for_each(|mesh| drop(gltf.mesh_triangles(mesh.mesh)));
+                false
             }
-            code => panic!("{code:?}: {}", run.stderr),
+            Err(error) => {
+                assert!(error.to_string().contains("part.glb"), "{error}");
+                assert!(error.kind != Kind::Internal, "{error}");
+                true
+            }
         }
     }
-    assert!(refused > 0, "every damaged file was accepted");
+}
+
+/// Where the JSON and where the records begin, in bytes of the file.
+fn find_parts(bytes: &[u8], gltf: &Gltf) -> [usize; 2] {
+    let json = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let meshes = gltf.list("meshes").iter();
+    let chunks = meshes.flat_map(|mesh| items(&mesh["extensions"][EXTENSION]["chunks"]));
+    let start = |chunk: &Value| {
+        let view = &gltf.list("bufferViews")[maybe_index(&chunk["bufferView"]).expect("a view")];
+        maybe_index(&view["byteOffset"]).unwrap_or(0)
+    };
+    [20, 28 + json + chunks.map(start).min().expect("chunks")]
+}
+
+/// The file with checksums by a name that no reader knows.
+fn without_checksums(bytes: &[u8]) -> Vec<u8> {
+    let mut unchecked = bytes.to_vec();
+    for at in 0..bytes.len() - 7 {
+        if &bytes[at..at + 7] == b"\"crc32\"" {
+            unchecked[at + 5] = b'3';
+        }
+    }
+    assert_ne!(unchecked, bytes);
+    unchecked
+}
+
+#[test]
+fn damage_anywhere_is_named_or_harmless() {
+    let mut damager = Damager::new();
+    for name in ["materials/two_primitives.glb", "skinned/skin_and_morph.glb", "nodes/shared_mesh.glb"] {
+        let progressive = Progressive::fixture(name);
+        let bytes = progressive.bytes();
+        let [json, records] = find_parts(&bytes, &Gltf::open(&progressive.path()));
+        let unchecked = without_checksums(&bytes);
+        assert!(!damager.is_refused(&unchecked), "{name}");
+        let mut refused = [0; 4];
+        for _ in 0..100 {
+            let damaged = [
+                damager.change(&bytes, records..bytes.len()),
+                damager.change(&unchecked, records..bytes.len()),
+                damager.change(&unchecked, json..records),
+                damager.change(&unchecked, 0..json),
+            ];
+            for (count, damaged) in refused.iter_mut().zip(damaged) {
+                *count += usize::from(damager.is_refused(&damaged));
+            }
+        }
+        // A checksum notices all; without it most changes of numbers give other numbers, but those of counts and references are noticed.
+        assert_eq!(refused[0], 100, "{name}");
+        assert!(refused[1..].iter().all(|count| *count > 10), "{name}: {refused:?}");
+    }
+}
+
+#[test]
+fn a_file_may_end_at_every_place() {
+    let damager = Damager::new();
+    let progressive = Progressive::fixture("attributes/custom.glb");
+    let bytes = progressive.bytes();
+    let [_, records] = find_parts(&bytes, &Gltf::open(&progressive.path()));
+    // All of the header, then some of each part, the ends of parts and of records among them.
+    let ends = (0..40).chain((40..records).step_by(101)).chain(records - 8..records);
+    ends.for_each(|end| assert!(damager.is_refused(&bytes[..end]), "{end} of {records}"));
+    let ends = (records..records + 60).chain((records + 60..bytes.len()).step_by(499));
+    ends.for_each(|end| assert!(!damager.is_refused(&bytes[..end]), "{end} of {}", bytes.len()));
 }
 
 #[test]
@@ -441,7 +519,8 @@ fn the_javascript_decoder_stands_beginnings_and_damage() {
         return;
     }
     let progressive = Progressive::fixture("materials/two_primitives.glb");
-    assert_eq!(ask_decoder("damaged", &progressive.path(), &[]), ["some refused, enough tried"]);
+    let refused = ask_decoder("damaged", &progressive.path(), &[]);
+    assert_eq!(refused, ["records: all", "without checksums: some", "before them: some"]);
     let bytes = progressive.bytes();
     let part = progressive.directory.path().join("half.glb");
     std::fs::write(&part, &bytes[..bytes.len() / 2]).expect("a writable directory");

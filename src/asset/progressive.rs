@@ -5,6 +5,7 @@ use super::cursor::Cursor;
 use super::{Asset, Document};
 use crate::error::{Error, Kind, Result};
 use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// Name of the extension. `docs/GLTFLOD_mesh_progressive.md` describes it.
 pub const PROGRESSIVE: &str = "GLTFLOD_mesh_progressive";
@@ -57,6 +58,8 @@ pub struct RecordChunk<'a> {
     pub records: usize,
     /// Triangles of the mesh after them.
     pub triangles: usize,
+    /// CRC-32 of the bytes; none if it is not known or not all of them are there.
+    pub checksum: Option<u32>,
 }
 
 impl Asset {
@@ -99,8 +102,14 @@ impl Asset {
             bytes: bytes.ok_or_else(|| member.error("the bytes of the records are not there"))?,
             records: chunk.need("records")?.integer()?,
             triangles: chunk.need("triangles")?.integer()?,
+            checksum: chunk.get("crc32").map(|sum| read_checksum(&sum)).transpose()?,
         })
     }
+}
+
+fn read_checksum(sum: &Cursor) -> Result<u32> {
+    let number = sum.value.as_u64().and_then(|number| u32::try_from(number).ok());
+    number.ok_or_else(|| sum.expected("a whole number below 2^32"))
 }
 
 fn read_group(group: &Cursor) -> Result<ProgressiveGroup> {
@@ -123,19 +132,15 @@ fn read_attribute(attribute: &Cursor) -> Result<RowAttribute> {
     Ok(RowAttribute { name: attribute.need("name")?.string()?.to_owned(), step: step.transpose()? })
 }
 
-/// Fits a document to a file that ends early: the buffer views of records end where `available` bytes of buffer 0 do.
+/// Fits a document to a file that ends early: the buffer views of records end where `available` bytes of buffer 0 do, and those that are cut have no
+/// checksum.
 ///
 /// # Errors
 /// [`Kind::Malformed`] if something else is missing too.
 pub(super) fn fit_to_prefix(document: &mut Document, available: usize) -> Result<()> {
     let root = document.root();
     let promised = Cursor::top(root, "buffers", 0).map(|b| b.need("byteLength")?.integer()).transpose()?.unwrap_or(0);
-    let chunks = document
-        .array("meshes")
-        .iter()
-        .filter_map(|mesh| mesh.get("extensions")?.get(PROGRESSIVE)?.get("chunks")?.as_array());
-    let records: std::collections::BTreeSet<usize> =
-        chunks.flatten().filter_map(|chunk| usize::try_from(chunk.get("bufferView")?.as_u64()?).ok()).collect();
+    let records = places_of_chunks(document);
     let mut edits = Vec::new();
     for (index, _) in document.array("bufferViews").iter().enumerate() {
         let Some(cursor) = Cursor::top(root, "bufferViews", index) else { continue };
@@ -143,18 +148,33 @@ pub(super) fn fit_to_prefix(document: &mut Document, available: usize) -> Result
         if view.buffer != 0 || view.offset.saturating_add(view.length) <= available {
             continue;
         }
-        if !records.contains(&index) {
+        let Some(chunk) = records.get(&index) else {
             let message =
                 format!("the file ends after {available} of {promised} bytes of its buffer, before this view");
             return Err(cursor.error(message).help("fetch more of the file: at least up to its first records"));
-        }
+        };
         let offset = view.offset.min(available);
-        edits.push((cursor.place, offset, (available - offset).min(view.length)));
+        edits.push((cursor.place, chunk.clone(), offset, (available - offset).min(view.length)));
     }
-    for (place, offset, length) in edits {
+    for (place, chunk, offset, length) in edits {
+        document.take(&chunk, "crc32");
         document.set(&place, "byteOffset", Value::from(offset));
         document.set(&place, "byteLength", Value::from(length));
     }
     document.set("/buffers/0", "byteLength", Value::from(promised.min(available)));
     Ok(())
+}
+
+/// JSON pointers to all chunks of records, by their buffer view.
+fn places_of_chunks(document: &Document) -> BTreeMap<usize, String> {
+    let mut places = BTreeMap::new();
+    for (mesh, value) in document.array("meshes").iter().enumerate() {
+        let chunks = value.pointer(&format!("/extensions/{PROGRESSIVE}/chunks")).and_then(Value::as_array);
+        for (index, chunk) in chunks.into_iter().flatten().enumerate() {
+            let view = chunk.get("bufferView").and_then(Value::as_u64).and_then(|view| usize::try_from(view).ok());
+            let place = format!("/meshes/{mesh}/extensions/{PROGRESSIVE}/chunks/{index}");
+            places.extend(view.map(|view| (view, place)));
+        }
+    }
+    places
 }

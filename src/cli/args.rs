@@ -238,8 +238,8 @@ pub struct Papers {
     /// Directory with the models
     #[arg(long, value_name = "DIR")]
     pub models: Option<PathBuf>,
-    /// Runs of which the fastest counts
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    /// Rounds of timing, of which the fastest counts
+    #[arg(long, value_name = "N", default_value_t = 3)]
     pub runs: usize,
     /// Leave out models with more triangles
     #[arg(long, value_name = "N", default_value_t = usize::MAX, hide_default_value = true)]

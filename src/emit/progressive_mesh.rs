@@ -12,7 +12,7 @@ use crate::asset::{Asset, Geometry, Limits, PROGRESSIVE, PrimitiveLayout, Progre
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::mesh::surface::Surface;
-use crate::progressive::{Chunk, Log, Most, State, Steps, Stop, encode, refine};
+use crate::progressive::{Chunk, Log, Most, State, Steps, Stop, checksum, encode, refine};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -131,6 +131,7 @@ pub(crate) fn write_progressive(asset: &Asset, meshes: &[ProgressiveMesh], name:
             "records": chunk.records,
             "triangles": chunk.triangles,
             "vertices": chunk.vertices,
+            "crc32": checksum(&chunk.bytes),
         }));
     }
     for (mesh, chunks) in meshes.iter().zip(descriptions) {
@@ -225,13 +226,16 @@ impl<'a> Refining<'a> {
     /// [`Kind::Malformed`] with the chunk and the record; the mesh is of no use then.
     pub fn refine(&mut self, triangles: usize) -> Result<bool> {
         while let Some(chunk) = self.progressive.chunks.get(self.next) {
-            let rest = chunk.bytes.get(self.done.0..).unwrap_or_default();
-            let end = refine(&mut self.state, rest, Most { triangles, numbers: self.most_numbers });
-            self.done = (self.done.0 + end.bytes, self.done.1 + end.records);
             let wrong = |what: String| {
                 let place = format!("{}/chunks/{}", self.progressive.place, self.next);
                 Err(Error::malformed(place, what).help("the file is damaged: export or copy it again"))
             };
+            if self.done == (0, 0) && chunk.checksum.is_some_and(|sum| sum != checksum(chunk.bytes)) {
+                return wrong("the checksum of the records is another one".to_owned());
+            }
+            let rest = chunk.bytes.get(self.done.0..).unwrap_or_default();
+            let end = refine(&mut self.state, rest, Most { triangles, numbers: self.most_numbers });
+            self.done = (self.done.0 + end.bytes, self.done.1 + end.records);
             let (bytes, records) = self.done;
             match end.stop {
                 Stop::Target => return Ok(false),

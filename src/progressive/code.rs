@@ -136,6 +136,28 @@ impl Residuals {
     }
 }
 
+/// CRC-32 (ISO 3309, as in PNG and zip) of `bytes`.
+pub(crate) fn checksum(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0, |sum, &byte| CHECKSUMS[usize::from(sum as u8 ^ byte)] ^ sum >> 8)
+}
+
+/// What each byte does to a checksum.
+const CHECKSUMS: [u32; 256] = {
+    let mut table = [0; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut sum = byte as u32;
+        let mut bit = 0;
+        while bit < 8 {
+            sum = if sum & 1 == 1 { 0xEDB8_8320 ^ sum >> 1 } else { sum >> 1 };
+            bit += 1;
+        }
+        table[byte] = sum;
+        byte += 1;
+    }
+    table
+};
+
 /// Why a record cannot be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fault {
@@ -210,6 +232,12 @@ mod tests {
         assert_eq!(float.restore(false, bits(0.3), -5), Some(bits(-1.0)));
         assert_eq!(float.mirror(bits(0.5), bits(0.75)), bits(0.25));
         assert_eq!(Number::Integer.mirror(7, 9), 5);
+    }
+
+    #[test]
+    fn checksums_are_those_of_the_standard() {
+        assert_eq!(checksum(b"123456789"), 0xCBF4_3926);
+        assert_eq!(checksum(b""), 0);
     }
 
     #[test]

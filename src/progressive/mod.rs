@@ -17,7 +17,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use code::Number;
+pub(crate) use code::{Number, checksum};
 pub(crate) use decode::{Most, Stop, refine};
 pub(crate) use encode::{Chunk, encode};
 pub(crate) use grid::Steps;

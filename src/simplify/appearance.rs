@@ -66,20 +66,22 @@ impl Appearance {
     }
 
     /// Whether a line that keeps its shape runs through the point.
+    #[inline]
     pub fn is_on_outline(&self, point: u32) -> bool {
         self.on_outline[point as usize]
     }
 
     /// Squared distance by which the lines through `a` and `b` would be off at `x`.
+    #[inline]
     pub fn outline_at(&self, a: u32, b: u32, x: DVec3) -> f64 {
         let of = |p: u32| if self.is_on_outline(p) { self.outlines[p as usize].at(x) } else { 0.0 };
         of(a) + of(b)
     }
 
     /// Squared length by which outlines and attributes are off once `a` and `b` are joined at `x`.
+    #[inline]
     pub fn deviation(&self, surface: &Surface, a: u32, b: u32, x: DVec3) -> f64 {
-        let [pa, pb] = [a, b].map(|p| surface.points[p as usize]);
-        let square = pa.distance_squared(pb);
+        let square = surface.points[a as usize].distance_squared(surface.points[b as usize]);
         let mut cost = self.outline_at(a, b, x) + LENGTH_COST * square;
         if !self.metric.is_empty() && square > 0.0 {
             // The metric sums over areas; the papers' costs do not.

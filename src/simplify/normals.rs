@@ -25,6 +25,7 @@ impl FaceNormals {
     }
 
     /// Unit normal (zero without an area) and area of the face at a corner.
+    #[inline]
     pub fn at(&self, corner: Corner) -> (DVec3, f64) {
         self.faces[Surface::face_of(corner)]
     }
