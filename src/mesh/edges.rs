@@ -1,6 +1,7 @@
 //! The edges of a surface and what runs along them: open borders, seams, material borders, folds.
 
 use super::surface::{Corner, Surface};
+use super::surgery::holds;
 use crate::tasks;
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -168,7 +169,7 @@ fn regular_edges(surface: &Surface, irregular: &Irregular, faces: std::ops::Rang
 /// The points after and before each corner of a ring.
 #[derive(Debug, Default)]
 struct Fan {
-    links: Vec<[u32; 2]>,
+    links: SmallVec<[[u32; 2]; 24]>,
 }
 
 impl Fan {
@@ -200,6 +201,28 @@ pub(crate) fn find_edge(surface: &Surface, a: u32, b: u32) -> Option<Edge> {
     fan.fill(surface, surface.ring(a));
     let sides = fan.sides(surface.ring(a), b);
     (!sides.is_empty()).then(|| Edge::between(surface, a, b, &sides))
+}
+
+/// The edges at `point` that are not plain.
+pub(crate) fn special_edges(surface: &Surface, point: u32) -> SmallVec<[Edge; 4]> {
+    let ring = surface.ring(point);
+    let mut fan = Fan::default();
+    fan.fill(surface, ring);
+    let mut found: SmallVec<[Edge; 4]> = SmallVec::new();
+    for (i, &link) in fan.links.iter().enumerate() {
+        for (side, p) in link.into_iter().enumerate() {
+            // Met for the first time, as the point after this corner or before it.
+            let known = &fan.links.as_flattened()[..2 * i + side];
+            if !holds(known, p) {
+                let count = |side: usize| fan.links.iter().filter(|link| link[side] == p).count();
+                if surface.has_seams() || count(0) != 1 || count(1) != 1 {
+                    found.push(Edge::between(surface, point, p, &fan.sides(ring, p)));
+                }
+            }
+        }
+    }
+    found.retain(|edge| !edge.kind.is_plain());
+    found
 }
 
 /// The properties of the edge between `a` and `b`; `None` if no face has both.

@@ -13,7 +13,7 @@ use super::options::{Options, Placement};
 use super::placement::{Apex, Facet, LANES, Lanes, Subject, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
-use crate::mesh::edges::{Edge, find_edge};
+use crate::mesh::edges::{Edge, special_edges};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::tasks;
@@ -252,10 +252,8 @@ impl Cost for Enhanced {
         if !self.ridged[point as usize] {
             return;
         }
-        for other in surface.neighbours(point) {
-            if let Some(edge) = find_edge(surface, point, other).filter(|e| !e.kind.is_plain()) {
-                self.add_edge(surface, &edge, &[point]);
-            }
+        for edge in special_edges(surface, point) {
+            self.add_edge(surface, &edge, &[point]);
         }
     }
 }
