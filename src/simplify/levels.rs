@@ -45,11 +45,18 @@ const ERROR_STEP: f64 = 0.93;
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
     let reducer = Reducer::new(mesh, options);
-    let refiner = (options.effort > Effort::Fast).then(|| Refiner::new(&reducer.surface, options.effort));
+    let refiner = is_refined(options).then(|| Refiner::new(&reducer.surface, options.effort));
     let mut chain =
         Builder { mesh, options, reducer, workspace: passes::Workspace::default(), deviation: None, refiner };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
+}
+
+/// Whether levels are made better after their collapses.
+fn is_refined(options: &Options) -> bool {
+    options.algorithm == Algorithm::Esqem(Mode::Enhanced)
+        && options.placement == Placement::Optimal
+        && options.effort > Effort::Fast
 }
 
 struct Builder<'a> {
@@ -90,10 +97,18 @@ impl Builder<'_> {
         }
     }
 
+    /// What is refined for as long as it gains starts from the strict order: refinement does not make up for another one.
+    fn schedule(&self) -> Schedule {
+        match (self.options.schedule, &self.refiner, self.options.effort) {
+            (Schedule::Passes, Some(_), Effort::Best) => Schedule::Queue,
+            (schedule, ..) => schedule,
+        }
+    }
+
     fn reduce(&mut self, triangles: usize) -> Stop {
         while self.reducer.surface.face_count() > triangles {
             let before = self.reducer.surface.face_count();
-            match self.options.schedule {
+            match self.schedule() {
                 Schedule::Passes => passes::run(&mut self.reducer, &mut self.workspace, triangles),
                 Schedule::Queue => queue::drain(&mut self.reducer, triangles),
                 Schedule::Vertices => vertices::drain(&mut self.reducer, triangles),
@@ -133,9 +148,7 @@ impl Builder<'_> {
         }
         let (mesh, stop) = match (self.options.algorithm, self.options.split_factor) {
             (Algorithm::Esqem(Mode::Paper), Some(factor)) => self.split_as_in_paper(triangles, f64::from(factor)),
-            (Algorithm::Esqem(Mode::Enhanced), _) if self.options.effort > Effort::Fast => {
-                self.reduce_and_refine(triangles)
-            }
+            _ if self.refiner.is_some() => self.reduce_and_refine(triangles),
             _ => {
                 let stop = self.reduce(triangles);
                 (self.reducer.surface.to_mesh(), stop)

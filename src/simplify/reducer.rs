@@ -46,6 +46,7 @@ pub(crate) struct Reducer {
     needle: f32,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
+    careful: bool,
 }
 
 impl Reducer {
@@ -88,6 +89,7 @@ impl Reducer {
             fan: Fan::default(),
             needle: needle_quality(options),
             to_ends,
+            careful: to_ends || options.effort > Effort::Fast,
         }
     }
 
@@ -108,9 +110,9 @@ impl Reducer {
         recollect_edges(&self.surface, &self.irregular, &mut self.edges);
     }
 
-    /// Whether joined points go to an end of their edge.
-    pub fn goes_to_ends(&self) -> bool {
-        self.to_ends
+    /// Whether the order of collapses is worth time.
+    pub fn is_careful(&self) -> bool {
+        self.careful
     }
 
     /// Finds all edges as they are now, and has the cost look at them.
@@ -293,7 +295,7 @@ impl Reducer {
 fn needle_quality(options: &Options) -> f32 {
     match (options.algorithm, options.effort) {
         (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
-        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.2,
+        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.25,
         (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
         _ => 0.06,
     }

@@ -11,15 +11,15 @@ const LEAST_GAIN: f32 = 1e-3;
 /// Cosine of the angle by which the new faces may turn from the nearer of the old, and against either.
 const TURN_COSINE: f32 = 0.3;
 
-/// Tries all edges of faces that cost more than `good`.
-pub(super) fn flip_edges(level: &mut Level, good: f32) {
+/// Tries all edges.
+pub(super) fn flip_edges(level: &mut Level) {
     for f in 0..level.surface.face_slots() {
         for k in 0..3 {
             if level.surface.is_live(f) {
                 let face = level.surface.face(f);
                 let (a, b) = (face[k], face[(k + 1) % 3]);
                 if a < b {
-                    try_flip(level, a, b, Manner::Quick { good });
+                    try_flip(level, a, b, Manner::Quick);
                 }
             }
         }
@@ -33,11 +33,6 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> boo
     // The shared edge comes first in either pair.
     let (faces, old, new) = ([first, second], [[pa, pb, pc], [pb, pa, pd]], [[pc, pd, pb], [pd, pc, pa]]);
     let mut before = level.gather(&faces, &old);
-    if let Manner::Quick { good } = manner
-        && before.cost < 2.0 * good
-    {
-        return false;
-    }
     if turns(&old, &new) {
         return false;
     }

@@ -11,8 +11,8 @@ use smallvec::SmallVec;
 /// How a move is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Manner {
-    /// By samples and points; a mean face that costs less than `good` is not worth a try.
-    Quick { good: f32 },
+    /// By samples and points.
+    Quick,
     /// By all places that the move changes.
     Thorough,
 }

@@ -4,8 +4,10 @@
 //! to level. A move replaces a few faces by others; what it is worth is measured on the samples of those faces alone:
 //!
 //! 1. **Sweeps** over all edges and points: the other diagonal of two faces, and the place of a point that is nearest to its samples.
-//! 2. **Peaks**: where the level is farthest from the source, in either direction, the same moves with the farthest distance counting most and with
-//!    places on the level looked at, too; faces between the samples may bridge a gap or stick out.
+//!    Distances near the largest are dear, so that the mean does not gain at their cost.
+//! 2. **Peaks**, between two sweeps: where the level is farthest from the source, in either direction, the same moves with the farthest distance
+//!    counting most and with places on the level looked at, too; faces between the samples may bridge a gap or stick out. What that costs in the
+//!    mean the next sweep wins back.
 //! 3. **Attributes** of points that moved are looked up on the source.
 //!
 //! Points at borders, seams and other special edges stay, and those edges stay as they are; so do locked points.
@@ -51,21 +53,24 @@ pub(crate) struct Refiner {
 struct Budget {
     /// Samples a face; all source vertices in any case.
     samples: f32,
-    /// Sweeps over all edges and points.
-    sweeps: usize,
-    /// Points whose faces cost less than this share of the mean are good enough.
-    good: f32,
-    /// Share of the faces whose worst spots are worked on.
+    /// Rounds: a sweep over all edges and points, then the worst spots; after the last one more sweep.
+    rounds: usize,
+    /// Share of the faces whose worst spots are worked on in a round.
     peaks: f32,
     /// Whether places between the samples are looked at to find the worst spots.
     thorough: bool,
 }
 
+/// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
+const NEW_PEAK: f32 = 0.9;
+/// Relative difference of squared distances that is rounding.
+const ROUNDING: f32 = 1e-5;
+
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => Self { samples: 8.0, sweeps: 3, good: 0.1, peaks: 0.1, thorough: true },
-            _ => Self { samples: 4.0, sweeps: 1, good: 0.5, peaks: 0.02, thorough: false },
+            Effort::Best => Self { samples: 8.0, rounds: 2, peaks: 0.04, thorough: true },
+            _ => Self { samples: 4.0, rounds: 1, peaks: 0.02, thorough: false },
         }
     }
 }
@@ -102,23 +107,34 @@ impl Refiner {
         level.prices = Prices::of_level(&level);
         find_feet(&mut level);
         let was = level.error(self.budget.thorough);
-        let good = self.budget.good * level.prices.face();
-        for _ in 0..self.budget.sweeps {
-            flip::flip_edges(&mut level, good);
-            for p in 0..fixed.len() as u32 {
-                if !fixed[p as usize] {
-                    relocate::relocate(&mut level, p, Manner::Quick { good });
-                }
-            }
-        }
         let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
-        peaks::lower_peaks(&mut level, &fixed, most, self.budget.thorough);
+        level.prices.set_peak(was.1 * NEW_PEAK);
+        for _ in 0..self.budget.rounds {
+            sweep(&mut level, &fixed);
+            let peak = peaks::lower_peaks(&mut level, &fixed, most, self.budget.thorough);
+            level.prices.set_peak(peak * NEW_PEAK);
+        }
+        sweep(&mut level, &fixed);
+        if self.budget.thorough {
+            // Sweeps do not look at all places.
+            peaks::lower_peaks(&mut level, &fixed, most, true);
+        }
         let is = level.error(self.budget.thorough);
         if let Some(attributes) = &self.attributes {
             attributes::fit(&mut level, attributes, &fixed);
         }
         follow::move_anchors(level.surface, level.lists, &mut self.anchors);
-        is.0 <= was.0 && is.1 <= was.1
+        is.0 <= was.0 && is.1 <= was.1 * (1.0 + ROUNDING)
+    }
+}
+
+/// Tries all edges and points once.
+fn sweep(level: &mut Level, fixed: &[bool]) {
+    flip::flip_edges(level);
+    for p in 0..fixed.len() as u32 {
+        if !fixed[p as usize] {
+            relocate::relocate(level, p, Manner::Quick);
+        }
     }
 }
 

@@ -21,8 +21,9 @@ struct Ranked {
     stamp: u32,
 }
 
-/// Works on up to `most` spots, the worst first. Not `thorough`: those that samples and points tell of.
-pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, thorough: bool) {
+/// Works on up to `most` spots, the worst first. Not `thorough`: those that samples and points tell of. Gives the largest squared distance left.
+pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, thorough: bool) -> f32 {
+    let mut left = 0.0f32;
     let mut peaks = Peaks::new(level, thorough);
     for _ in 0..most {
         let Some((face, squared)) = peaks.pop(level) else { break };
@@ -39,8 +40,13 @@ pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, thorou
                 touched.push(p);
             }
         }
-        peaks.push_around(level, &touched);
+        if touched.is_empty() {
+            left = left.max(squared);
+        } else {
+            peaks.push_around(level, &touched);
+        }
     }
+    peaks.pop(level).map_or(left, |(_, squared)| left.max(squared))
 }
 
 /// Faces by their worst spots.

@@ -6,11 +6,11 @@ use glam::{Vec3, Vec4};
 /// Weight of the fourth power of distances, in units of the mean square: prefers even errors.
 const EVENNESS: f32 = 0.0;
 /// All turned normals together, relative to all distances.
-const NORMAL_SHARE: f32 = 0.3;
+const NORMAL_SHARE: f32 = 0.6;
 /// A degenerate face, relative to the mean face.
-const NEEDLE_SHARE: f32 = 2.0;
+const NEEDLE_SHARE: f32 = 32.0;
 /// Quality (4√3·area / Σ edge²: 1 equilateral) from which a shape costs nothing. A smallest angle of 10° is between 0.20 and 0.30.
-const GOOD_QUALITY: f32 = 0.36;
+const GOOD_QUALITY: f32 = 0.45;
 /// Rounding of single precision in the unit frame, squared: below it nothing is worth a change.
 const ROUNDING: f32 = 1e-14;
 
@@ -67,11 +67,6 @@ impl Prices {
     pub fn set_peak(&mut self, squared: f32) {
         self.peak = squared;
         self.peak_area = self.face_area;
-    }
-
-    /// What a face costs in the mean.
-    pub fn face(&self) -> f32 {
-        self.mean_square * self.face_area
     }
 
     /// Of samples of these areas, at these squared distances from faces whose normals have the cosines `turn` to their own.

@@ -27,11 +27,6 @@ pub(super) fn relocate(level: &mut Level, p: u32, manner: Manner) -> bool {
     let own_area = fan.iter().map(area).sum::<f32>() * level.prices.density * POINT_SHARE;
     let foot = level.foot(p);
     let mut before = level.gather(&faces, &fan);
-    if let Manner::Quick { good } = manner
-        && before.cost < good * faces.len() as f32
-    {
-        return false;
-    }
     let mut step = Step::default();
     level.patch.add_to(&mut step, &level.prices);
     if thorough {
