@@ -97,7 +97,7 @@ impl Builder<'_> {
         }
     }
 
-    /// What is refined for as long as it gains starts from the strict order: refinement does not make up for another one.
+    /// The best levels start from the strict order: refinement does not make up for another one.
     fn schedule(&self) -> Schedule {
         match (self.options.schedule, &self.refiner, self.options.effort) {
             (Schedule::Passes, Some(_), Effort::Best) => Schedule::Queue,

@@ -156,7 +156,7 @@ pub enum Effort {
     /// Collapses, then refinement of the worst spots.
     #[default]
     Default,
-    /// Refinement for as long as it gains.
+    /// Collapses in strict order, then more refinement.
     Best,
 }
 
