@@ -290,13 +290,10 @@ impl Reducer {
     }
 }
 
-/// Quality below which a face is a needle. Refinement brings back what stricter collapses cost in distance; the papers know no needles, and only
-/// the worst are kept from them.
+/// Quality below which a face is a needle. The papers know no needles, and only the worst are kept from them.
 fn needle_quality(options: &Options) -> f32 {
-    match (options.algorithm, options.effort) {
-        (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
-        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.25,
-        (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
+    match options.algorithm {
+        Algorithm::Esqem(Mode::Enhanced) => 0.16,
         _ => 0.06,
     }
 }
