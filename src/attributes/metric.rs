@@ -26,7 +26,7 @@ pub(crate) struct Metric {
     blocks: Vec<Block>,
     /// [`Self::stride`] vectors a wedge: its [`Head`], then gradients (x, y, z) and values of each block, all of them scaled.
     states: Vec<f32x4>,
-    /// Those of the faces, without values: kept for their memory.
+    /// The same of the faces, without values.
     faces: Vec<f32x4>,
     /// The wedge of each point that has but one, else [`SEVERAL`].
     only: Vec<u32>,
@@ -103,13 +103,25 @@ impl Metric {
         HEAD + 4 * self.blocks.len()
     }
 
+    fn face_width(&self) -> usize {
+        HEAD + 3 * self.blocks.len()
+    }
+
+    /// The wedges of a point.
+    pub(super) fn wedges(&self, surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
+        match self.only.get(point as usize) {
+            Some(&wedge) if wedge != SEVERAL => SmallVec::from_slice(&[wedge]),
+            _ => distinct_wedges(surface, point),
+        }
+    }
+
     /// Looks at all faces.
     pub fn refresh(&mut self, surface: &Surface) {
         if self.is_empty() {
             return;
         }
         self.scale(surface.face_count());
-        let (width, stride) = (HEAD + 3 * self.blocks.len(), self.stride());
+        let (width, stride) = (self.face_width(), self.stride());
         let mut faces = take(&mut self.faces);
         faces.resize(surface.face_slots() * width, f32x4::ZERO);
         faces.par_chunks_mut(width).with_min_len(1024).enumerate().for_each(|(face, out)| {
@@ -142,6 +154,18 @@ impl Metric {
         (0..surface.points.len()).into_par_iter().with_min_len(4096).map(only).collect_into_vec(&mut self.only);
     }
 
+    /// A collapse has made the point `joined`: looks at the faces around it.
+    pub fn merged(&mut self, surface: &Surface, joined: u32) {
+        if self.is_empty() {
+            return;
+        }
+        let (mut faces, width) = (take(&mut self.faces), self.face_width());
+        for face in surface.ring(joined).iter().map(|&corner| Surface::face_of(corner)) {
+            self.read_face(surface, face, &mut faces[face * width..][..width]);
+        }
+        self.faces = faces;
+    }
+
     /// Sets the scales of all numbers for a surface of so many faces.
     fn scale(&mut self, faces: usize) {
         let size = if self.area > 0.0 { (self.area / faces.max(1) as f64).sqrt() as f32 } else { 1.0 };
@@ -153,24 +177,21 @@ impl Metric {
         self.blocks = self.terms.chunks(LANES).map(block).collect();
     }
 
-    /// Looks at the faces around one point.
+    /// Brings what is known of a point's wedges up to date with the faces around it.
     pub fn update(&mut self, surface: &Surface, point: u32) {
         if self.is_empty() {
             return;
         }
-        let stride = self.stride();
+        let (width, stride) = (self.face_width(), self.stride());
         let mut states = take(&mut self.states);
-        states.resize(surface.wedges.len() * stride, f32x4::ZERO);
-        self.only.resize(surface.points.len(), SEVERAL);
         let wedges = distinct_wedges(surface, point);
         self.only[point as usize] = if wedges.len() == 1 { wedges[0] } else { SEVERAL };
         for &wedge in &wedges {
             states[wedge as usize * stride..][..stride].fill(f32x4::ZERO);
         }
-        let mut face: SmallVec<[f32x4; 8]> = SmallVec::from_elem(f32x4::ZERO, HEAD + 3 * self.blocks.len());
         for &corner in surface.ring(point) {
-            self.read_face(surface, Surface::face_of(corner), &mut face);
-            self.collect(&mut states[surface.wedge_at(corner) as usize * stride..][..stride], &face);
+            let face = &self.faces[Surface::face_of(corner) * width..][..width];
+            self.collect(&mut states[surface.wedge_at(corner) as usize * stride..][..stride], face);
         }
         for &wedge in &wedges {
             self.settle(&mut states[wedge as usize * stride..][..stride], surface.wedges.row(wedge));

@@ -1,7 +1,6 @@
 //! The new values of the wedges of a joined point.
 
 use super::metric::{Extended, Metric, Row};
-use super::distinct_wedges;
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
@@ -29,7 +28,7 @@ impl Solution {
     /// To be called before the surface changes; `metric` must know both points as they are.
     pub fn solve(&mut self, surface: &Surface, metric: &Metric, merge: &Merge, position: DVec3, t: f32) {
         self.classes.clear();
-        let [at_kept, at_gone] = [merge.kept, merge.gone].map(|p| distinct_wedges(surface, p));
+        let [at_kept, at_gone] = [merge.kept, merge.gone].map(|p| metric.wedges(surface, p));
         let [off_kept, off_gone] = [merge.kept, merge.gone].map(|p| (position - surface.points[p as usize]).as_vec3());
         let (Some(&any_kept), Some(&any_gone)) = (at_kept.first(), at_gone.first()) else { return };
         for &wedge in &at_kept {
