@@ -82,6 +82,7 @@ impl Metric {
                     let length = length_per_uv(surface, column.offset);
                     (f64::from(weights.tex_coord) * TEX_COORD_SCALE * length, false)
                 }
+                Semantic::MorphPosition(_) => (surface.frame.scale(), false),
                 _ => continue,
             };
             if weight > 0.0 {

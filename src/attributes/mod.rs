@@ -7,8 +7,8 @@
 //!
 //! `(x − p)ᵀ C (x − p)` on either side, and `W₁W₂ / (W₁ + W₂) · (s₁ + ḡ₁·(x − p₁) − s₂ − ḡ₂·(x − p₂))²` between them (`W` the areas).
 //!
-//! Joint influences and morph displacements of positions follow the edge instead, on every side of a seam alike, so that posed surfaces stay
-//! closed.
+//! A morph target's displacements count like positions: the shape is off by as much at the target's extreme. They are the same on every side of a
+//! seam, so that posed surfaces stay closed; so are joint influences, which follow the edge.
 //!
 //! Limits: morph displacements of normals and the like count nothing in the cost.
 

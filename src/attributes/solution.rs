@@ -19,6 +19,8 @@ pub(crate) struct Solution {
 struct Class {
     /// Its id afterwards.
     wedge: u32,
+    /// Of the faces that it stands for.
+    area: f32,
     row: Row,
     influences: Vec<(u16, f32)>,
 }
@@ -47,17 +49,25 @@ impl Solution {
             self.classes.push(Class::new(surface, metric, &extended, [wedge; 3], t));
             self.follow_edge(surface, [any_kept, wedge], t);
         }
+        self.share_displacements(surface);
     }
 
-    /// Gives the last class what is continuous over seams: from a wedge at either end.
-    fn follow_edge(&mut self, surface: &Surface, [start, end]: [u32; 2], t: f32) {
-        let (Some(class), wedges) = (self.classes.last_mut(), &surface.wedges) else { return };
-        let (a, b) = (wedges.row(start), wedges.row(end));
-        for column in wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::MorphPosition(_))) {
+    /// Gives all wedges the same displacements, so that posed surfaces stay closed.
+    fn share_displacements(&mut self, surface: &Surface) {
+        for column in surface.wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::MorphPosition(_))) {
             for i in column.offset..column.offset + column.width {
-                class.row[i] = a[i] * (1.0 - t) + b[i] * t;
+                let total: f32 = self.classes.iter().map(|class| class.area).sum();
+                let even = 1.0 / self.classes.len() as f32;
+                let share = |class: &Class| if total > 0.0 { class.area / total } else { even };
+                let mean: f32 = self.classes.iter().map(|class| share(class) * class.row[i]).sum();
+                self.classes.iter_mut().for_each(|class| class.row[i] = mean);
             }
         }
+    }
+
+    /// Gives the last class the influences halfway (`t`) between a wedge at either end: continuous over seams.
+    fn follow_edge(&mut self, surface: &Surface, [start, end]: [u32; 2], t: f32) {
+        let (Some(class), wedges) = (self.classes.last_mut(), &surface.wedges) else { return };
         let (start, end) = match (wedges.is_skinned(start), wedges.is_skinned(end)) {
             (true, false) => (start, start),
             (false, true) => (end, end),
@@ -97,7 +107,7 @@ impl Class {
             row[term.index] = wedges.within_range(term.index, *value);
         }
         normalize_normals(wedges, &mut row);
-        Self { wedge: id, row, influences: Vec::new() }
+        Self { wedge: id, area: extended.area, row, influences: Vec::new() }
     }
 }
 

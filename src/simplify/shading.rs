@@ -18,19 +18,19 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 /// Source vertices for each point of a level: fewer do not say more than the collapses have solved, more cost time.
-const SAMPLES: [usize; 2] = [3, 4];
+const SAMPLES: [usize; 2] = [3, 8];
 /// Weight of the normal that a corner starts with, in areas of its face.
 const PRIOR: f32 = 0.02;
 /// Rounds of fitting.
 const ROUNDS: usize = 3;
 /// Cosine of the angle from which an edge may become a crease.
-const CREASE: f32 = 0.77;
+const CREASE: f32 = 0.82;
 /// Faces around a point within this (cosine) of the first one have no such edge: half the angle.
-const FLAT: f32 = 0.94;
+const FLAT: f32 = 0.954;
 /// Wedges of a point whose normals in the source are closer than this (cosine) share one: what parts them is no hard edge.
 const SAME: f32 = 0.999;
 /// A crease has to take away so much of the squared error around its point …
-const GAIN: f32 = 0.5;
+const GAIN: f32 = 0.75;
 /// … and has to save so much as a mean over the area (a unit normal turned by 6°).
 const LEAST_SAVING: f32 = 0.01;
 
@@ -99,7 +99,8 @@ impl Shading {
         }
         let step = (self.samples.len() / (SAMPLES[1] * surface.face_count() / 2).max(1)).max(1);
         let chosen = (0..self.samples.len()).into_par_iter().step_by(step).with_min_len(1024);
-        let places: Vec<Option<(u32, [f32; 3])>> = chosen.map(|i| self.samples[i].place(surface, &faces, &order)).collect();
+        let places: Vec<Option<(u32, [f32; 3])>> =
+            chosen.map(|i| self.samples[i].place(surface, &faces, &order)).collect();
         for (sample, place) in self.samples.iter().step_by(step).zip(places) {
             if let Some((face, shares)) = place {
                 faces[face as usize].add(sample, shares, sample.area * step as f32);
