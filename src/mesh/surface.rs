@@ -61,6 +61,11 @@ impl Frame {
         (DVec3::from(position.map(f64::from)) - self.center) * self.scale
     }
 
+    /// Length in the unit frame of one object unit.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
     /// To object units.
     pub fn leave(&self, point: DVec3) -> [f32; 3] {
         (point / self.scale + self.center).as_vec3().to_array()

@@ -57,7 +57,8 @@ impl Appearance {
     }
 
     /// Follows a collapse.
-    pub fn merged(&mut self, kept: u32, gone: u32) {
+    pub fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        self.metric.merged(surface, kept);
         if self.on_outline[gone as usize] {
             self.on_outline[kept as usize] = true;
             let gone = self.outlines[gone as usize];

@@ -224,7 +224,8 @@ impl Cost for Enhanced {
         }
     }
 
-    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        self.metric.merged(surface, kept);
         self.ridged[kept as usize] |= self.ridged[gone as usize];
         let gone = self.apexes[gone as usize].curvature();
         let kept = self.apexes[kept as usize].curvature_mut();

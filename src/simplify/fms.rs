@@ -145,12 +145,12 @@ impl Cost for Fms {
         distance_squared
     }
 
-    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
         let gone_first = self.points[gone as usize].first;
         let first = &mut self.points[kept as usize].first;
         *first = first.min(gone_first);
         self.normals.follow(kept);
-        self.appearance.merged(kept, gone);
+        self.appearance.merged(surface, kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {

@@ -4,6 +4,7 @@ use super::deviation::Deviation;
 use super::options::{Algorithm, Effort, Mode, Options, Placement, Schedule, Target};
 use super::reducer::Reducer;
 use super::refine::Refiner;
+use super::shading::Shading;
 use super::split::{faces_added, long_edges, split_at_midpoints};
 use super::{Chain, Level, Refusals, Stop, passes, queue, vertices};
 use crate::error::Result;
@@ -46,8 +47,10 @@ pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
     let reducer = Reducer::new(mesh, options);
     let refiner = is_refined(options).then(|| Refiner::new(&reducer.surface, options.effort));
-    let mut chain =
-        Builder { mesh, options, reducer, workspace: passes::Workspace::default(), deviation: None, refiner };
+    let is_fitted = options.algorithm == Algorithm::Esqem(Mode::Enhanced) && options.placement == Placement::Optimal;
+    let shading = if is_fitted { Shading::new(&reducer.surface) } else { None };
+    let workspace = passes::Workspace::default();
+    let mut chain = Builder { mesh, options, reducer, workspace, deviation: None, refiner, shading };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
 }
@@ -67,6 +70,7 @@ struct Builder<'a> {
     /// Built when first asked for.
     deviation: Option<Deviation>,
     refiner: Option<Refiner>,
+    shading: Option<Shading>,
 }
 
 impl Builder<'_> {
@@ -85,11 +89,21 @@ impl Builder<'_> {
         Level { mesh, source_vertices, stop, refusals: self.reducer.refusals }
     }
 
+    /// The surface as it is, with the normals that suit it.
+    fn level_mesh(&self) -> Mesh {
+        let surface = &self.reducer.surface;
+        let mut mesh = surface.to_mesh();
+        if let Some(shading) = &self.shading {
+            shading.fit(surface, &mut mesh);
+        }
+        mesh
+    }
+
     /// The surface as it is.
     fn snapshot(&self) -> Snapshot {
         let surface = &self.reducer.surface;
         match self.options.placement {
-            Placement::Optimal => surface.to_mesh().into(),
+            Placement::Optimal => self.level_mesh().into(),
             Placement::Subset => {
                 let (mesh, vertices) = surface.to_subset(self.mesh);
                 Snapshot { mesh, source_vertices: Some(vertices) }
@@ -151,7 +165,7 @@ impl Builder<'_> {
             _ if self.refiner.is_some() => self.reduce_and_refine(triangles),
             _ => {
                 let stop = self.reduce(triangles);
-                (self.reducer.surface.to_mesh(), stop)
+                (self.level_mesh(), stop)
             }
         };
         (mesh.into(), stop)
@@ -193,14 +207,14 @@ impl Builder<'_> {
         let before = self.reducer.surface.face_count();
         let stop = self.reduce(triangles);
         let Some(refiner) = self.refiner.as_mut().filter(|_| self.reducer.surface.face_count() < before) else {
-            return (self.reducer.surface.to_mesh(), stop);
+            return (self.level_mesh(), stop);
         };
         let mut surface = self.reducer.surface.clone();
         if refiner.refine(&mut surface, self.reducer.locked()) {
             self.reducer.adopt(surface);
             self.workspace.forget();
         }
-        (self.reducer.surface.to_mesh(), stop)
+        (self.level_mesh(), stop)
     }
 
     fn deviation(&mut self) -> &Deviation {

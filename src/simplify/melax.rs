@@ -74,9 +74,9 @@ impl Cost for Melax {
         distance_squared.sqrt()
     }
 
-    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
         self.normals.follow(kept);
-        self.appearance.merged(kept, gone);
+        self.appearance.merged(surface, kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {

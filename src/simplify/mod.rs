@@ -22,6 +22,7 @@ mod quadric;
 mod queue;
 mod reducer;
 mod refine;
+mod shading;
 mod split;
 #[cfg(test)]
 mod tests;

@@ -119,7 +119,8 @@ impl Cost for Paper {
         distance_squared
     }
 
-    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
+        self.metric.merged(surface, kept);
         let gone = self.quadrics[gone as usize];
         self.quadrics[kept as usize].add(&gone);
     }

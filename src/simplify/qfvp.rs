@@ -133,12 +133,12 @@ impl Cost for Qfvp {
         distance_squared
     }
 
-    fn merged(&mut self, _surface: &Surface, kept: u32, gone: u32) {
+    fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
         let gone_state = self.points[gone as usize];
         let state = &mut self.points[kept as usize];
         state.normal = join_normals(state, &gone_state);
         state.quadric.add(&gone_state.quadric);
-        self.appearance.merged(kept, gone);
+        self.appearance.merged(surface, kept, gone);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {

@@ -34,6 +34,7 @@ use glam::Vec3;
 use level::{Level, Lists, Manner, NONE};
 use patch::Patch;
 use prices::Prices;
+pub(super) use source::closest_point;
 use source::{Foot, Source};
 
 /// Refines the levels of one chain, finest first.

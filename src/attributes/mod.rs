@@ -1,0 +1,41 @@
+//! Attributes at a moved point: solved from the faces around it, not copied from an end.
+//!
+//! Over each face an attribute is a linear function of position. The value of a wedge at a new position is the one that minimises the
+//! area-weighted squared difference to those functions, extended to there; the minimum itself is what the collapse costs in that attribute (Hoppe
+//! 1999). All of a wedge's functions agree at its point `p`, so what is known of it is the mean gradient `ḡ` of each number and the covariance `C`
+//! of the gradients around it: two wedges with values `s` that become one at `x` differ by
+//!
+//! `(x − p)ᵀ C (x − p)` on either side, and `W₁W₂ / (W₁ + W₂) · (s₁ + ḡ₁·(x − p₁) − s₂ − ḡ₂·(x − p₂))²` between them (`W` the areas).
+//!
+//! A morph target's displacements count like positions: the shape is off by as much at the target's extreme. They are the same on every side of a
+//! seam, so that posed surfaces stay closed; so are joint influences, which follow the edge.
+//!
+//! Limits: morph displacements of normals and the like count nothing in the cost.
+
+mod metric;
+mod solution;
+
+pub(crate) use metric::Metric;
+pub(crate) use solution::{Solution, fill_midpoint};
+
+use crate::mesh::surface::Surface;
+use glam::Vec3;
+use smallvec::SmallVec;
+
+/// Adds the upper half of `a bᵀ`: xx, xy, xz, yy, yz, zz.
+#[inline]
+pub(crate) fn add_product(m: &mut [f32], a: Vec3, b: Vec3) {
+    let products = [a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z];
+    m.iter_mut().zip(products).for_each(|(m, p)| *m += p);
+}
+
+fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
+    let mut wedges = SmallVec::new();
+    for &corner in surface.ring(point) {
+        let wedge = surface.wedge_at(corner);
+        if !wedges.contains(&wedge) {
+            wedges.push(wedge);
+        }
+    }
+    wedges
+}
