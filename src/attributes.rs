@@ -33,6 +33,8 @@ pub(crate) struct Metric {
     states: Vec<f32>,
     /// The wedge of each point that has but one, else [`SEVERAL`].
     only: Vec<u32>,
+    /// Of equilateral faces as large as the mean of all.
+    typical_edge_squared: f32,
 }
 
 /// Stands for the wedge of a point that has more than one, or none.
@@ -71,7 +73,7 @@ impl Metric {
                 terms.extend(columns.map(|index| Term { index, weight: (weight * weight) as f32, by_edge }));
             }
         }
-        Self { terms, states: Vec::new(), only: Vec::new() }
+        Self { terms, ..Self::default() }
     }
 
     /// Whether no attribute counts.
@@ -95,6 +97,8 @@ impl Metric {
                 self.read_gradients(surface, face, gradients);
             }
         });
+        let area: f64 = gradients.chunks_exact(width).map(|face| f64::from(face[0])).sum();
+        self.typical_edge_squared = (4.0 / 3f64.sqrt() * area / surface.face_count().max(1) as f64) as f32;
         let mut point_of = vec![u32::MAX; surface.wedges.len()];
         for face in surface.live_faces() {
             for (wedge, point) in surface.face_wedges(face).into_iter().zip(surface.face(face)) {
@@ -220,7 +224,7 @@ impl Metric {
     /// What it costs in attributes that the point `goes` becomes `stays`, which keeps its values: area · length².
     pub fn deviation_of_end(&self, surface: &Surface, stays: u32, goes: u32) -> f64 {
         let off = (surface.points[stays as usize] - surface.points[goes as usize]).as_vec3();
-        let edge = off.length_squared();
+        let edge = DIRECTIONS_AT_ENDS * self.typical_edge_squared;
         let step = |kept: u32, gone: u32| {
             let known = self.state(gone);
             let (rk, rg) = (surface.wedges.row(kept), surface.wedges.row(gone));
@@ -344,6 +348,9 @@ fn only_wedge(surface: &Surface, point: u32) -> u32 {
 const NORMAL_SCALE: f64 = 0.125;
 /// A colour step of 1 over an edge counts like a shape error of this share of its length.
 const COLOR_SCALE: f64 = 0.25;
+/// How much more directions and colours count where points stay. No value is fitted to its place there, so that the order has to make up for it. And
+/// they count by the typical edge instead of the one at hand: short edges with a turn between them would go first.
+const DIRECTIONS_AT_ENDS: f32 = 50.0;
 /// A texture that slides counts less than a silhouette that moves by the same length.
 const TEX_COORD_SCALE: f64 = 0.25;
 

@@ -8,6 +8,7 @@
 
 use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
+use super::ends::Sweep;
 use super::fan::Fan;
 use super::options::{Options, Placement};
 use super::placement::{Apex, Facet, LANES, Lanes, Subject, estimate};
@@ -51,13 +52,15 @@ impl Enhanced {
     /// The cheaper of the allowed ends.
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
+        let factor = subject.factor(self.options.curvature_weight);
         let end = |stays: u32, goes: u32| {
             let position = surface.points[stays as usize];
             let mut error = subject.error_of_end(stays == b);
             if !self.metric.is_empty() {
                 error += self.metric.deviation_of_end(surface, stays, goes);
             }
-            let cost = error * subject.factor(self.options.curvature_weight);
+            let sweep = Sweep::new(surface, &self.facets, stays, goes);
+            let cost = sweep.cost(error, self.apexes[goes as usize].weight()) * factor;
             cost.is_finite().then_some(Candidate { cost, position })
         };
         match fixed {
@@ -213,7 +216,7 @@ impl Cost for Enhanced {
     }
 
     fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
-        area * distance_squared
+        if self.at_ends { area.sqrt() * distance_squared } else { area * distance_squared }
     }
 
     fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {

@@ -14,7 +14,7 @@ const REFILL: f64 = 0.4;
 /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
 const REORDER_MOVING: f32 = 2.0;
 /// For points that stay: which of them stay is all there is to choose.
-const REORDER_STAYING: f32 = 1.1;
+const REORDER_STAYING: f32 = 1.3;
 
 /// In the time of an entry whose cost has the fine in it.
 const PAID: u32 = 1 << 31;

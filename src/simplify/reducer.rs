@@ -291,10 +291,10 @@ impl Reducer {
 /// Quality below which a face is a needle. Refinement brings back what stricter collapses cost in distance; the papers know no needles, and only
 /// the worst are kept from them.
 fn needle_quality(options: &Options) -> f32 {
-    match (options.algorithm, options.effort) {
-        (Algorithm::Esqem(Mode::Enhanced), Effort::Fast) => 0.16,
-        (Algorithm::Esqem(Mode::Enhanced), _) if options.placement == Placement::Optimal => 0.2,
-        (Algorithm::Esqem(Mode::Enhanced), _) => 0.16,
+    match (options.algorithm, options.effort, options.placement) {
+        (Algorithm::Esqem(Mode::Enhanced), _, Placement::Subset) => 0.18,
+        (Algorithm::Esqem(Mode::Enhanced), Effort::Fast, _) => 0.16,
+        (Algorithm::Esqem(Mode::Enhanced), _, _) => 0.2,
         _ => 0.06,
     }
 }
