@@ -2,6 +2,7 @@
 
 mod support;
 
+use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -63,6 +64,41 @@ fn progressive_layout_keeps_the_document() {
         assert_eq!(violations(&source, &output), [""; 0], "{}", relative.display());
         expect_equal_geometry(&relative, &source, &output);
     }
+}
+
+#[test]
+fn levels_of_source_vertices_are_index_buffers_alone() {
+    let settings = tempfile::NamedTempFile::with_suffix(".toml").expect("a temporary file");
+    std::fs::write(settings.path(), "placement = \"subset\"\neffort = \"fast\"\nsamples = 2000\n")
+        .expect("a writable file");
+    let config = settings.path().to_str().expect("a UTF-8 path");
+    let build = build(&fixtures(), &["--config", config]);
+    assert_eq!(build.run.code, Some(0), "{}", build.run.stderr);
+    let mut primitives = 0;
+    for relative in assets_below(&fixtures()) {
+        let (source, output) = (Gltf::open(&fixtures().join(&relative)), Gltf::open(&build.out.path().join(&relative)));
+        expect_sound(&relative, &source, &output);
+        let of_source: Vec<&Value> = source.list("meshes").iter().flat_map(|mesh| items(&mesh["primitives"])).collect();
+        for mesh in &output.list("meshes")[source.list("meshes").len()..] {
+            let triangles = |primitive: &&Value| primitive["mode"].as_u64().is_none_or(|mode| mode == 4);
+            for level in items(&mesh["primitives"]).iter().filter(triangles) {
+                let same = |key: &str, other: &Value| level[key] == other[key];
+                let whole = of_source
+                    .iter()
+                    .any(|other| ["attributes", "targets", "material"].iter().all(|key| same(key, other)));
+                assert!(whole, "{}: a level has vertices of its own", relative.display());
+                let vertices = output.vertex_count(level);
+                let indices = output.triangle_indices(level);
+                assert!(
+                    !indices.is_empty() && indices.iter().flatten().all(|&v| v < vertices),
+                    "{}",
+                    relative.display()
+                );
+                primitives += 1;
+            }
+        }
+    }
+    assert!(primitives > 80, "{primitives} primitives");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What the edge policies mean: which points are locked and how much the shape of borders and seams costs.
 
-use super::options::{EdgePolicy, Options};
+use super::options::{EdgePolicy, Options, Placement};
 use crate::curvature::normal_and_area;
 use crate::mesh::edges::{Edge, EdgeKind};
 use crate::mesh::surface::Surface;
@@ -11,6 +11,8 @@ use smallvec::SmallVec;
 const BORDER_WEIGHT: f64 = 1.5;
 /// The same for an attribute seam, whose error shows only through the attribute.
 const SEAM_WEIGHT: f64 = 0.15;
+/// The same where points stay: with attributes that count more, seams would be what bends.
+const SEAM_WEIGHT_AT_ENDS: f64 = 1.5;
 /// The same for a border between materials.
 const MATERIAL_WEIGHT: f64 = 0.5;
 
@@ -32,11 +34,16 @@ pub(crate) struct Constraints {
     border: EdgePolicy,
     seam: EdgePolicy,
     material: EdgePolicy,
+    seam_weight: f64,
 }
 
 impl Constraints {
     pub fn new(options: &Options) -> Self {
-        Self { border: options.border, seam: options.seam, material: options.material_border }
+        let seam_weight = match options.placement {
+            Placement::Optimal => SEAM_WEIGHT,
+            Placement::Subset => SEAM_WEIGHT_AT_ENDS,
+        };
+        Self { border: options.border, seam: options.seam, material: options.material_border, seam_weight }
     }
 
     /// Weight of the plane that stands on an edge of this kind, perpendicular to the surface; 0 for none.
@@ -46,7 +53,7 @@ impl Constraints {
         };
         of(EdgeKind::BORDER, self.border, BORDER_WEIGHT)
             .max(of(EdgeKind::MATERIAL, self.material, MATERIAL_WEIGHT))
-            .max(of(EdgeKind::SEAM, self.seam, SEAM_WEIGHT))
+            .max(of(EdgeKind::SEAM, self.seam, self.seam_weight))
             .max(if kind.has(EdgeKind::FOLD) || kind.has(EdgeKind::COMPLEX) { BORDER_WEIGHT } else { 0.0 })
     }
 

@@ -8,8 +8,9 @@
 
 use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
+use super::ends::Sweep;
 use super::fan::Fan;
-use super::options::{Options, Placement};
+use super::options::{AttributeWeights, Options, Placement};
 use super::placement::{Apex, Facet, LANES, Lanes, Subject, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
@@ -18,6 +19,9 @@ use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::tasks;
 use glam::{DVec3, Vec3};
+
+/// How much more directions and colours count where points stay.
+const DIRECTIONS_AT_ENDS: f32 = 10.0;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
@@ -43,7 +47,7 @@ impl Enhanced {
             apexes: curvatures.into_iter().map(|k| Apex::with_curvature(k.abs())).collect(),
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
-            metric: Metric::new(surface, &options.attribute_weights),
+            metric: Metric::new(surface, &attribute_weights(options)),
             at_ends: options.placement == Placement::Subset,
         }
     }
@@ -51,13 +55,15 @@ impl Enhanced {
     /// The cheaper of the allowed ends.
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
+        let factor = subject.factor(self.options.curvature_weight);
         let end = |stays: u32, goes: u32| {
             let position = surface.points[stays as usize];
             let mut error = subject.error_of_end(stays == b);
             if !self.metric.is_empty() {
                 error += self.metric.deviation_of_end(surface, stays, goes);
             }
-            let cost = error * subject.factor(self.options.curvature_weight);
+            let sweep = Sweep::new(surface, &self.facets, stays, goes);
+            let cost = sweep.cost(error, self.apexes[goes as usize].weight()) * factor;
             cost.is_finite().then_some(Candidate { cost, position })
         };
         match fixed {
@@ -133,6 +139,13 @@ fn edges_of(surface: &Surface, face: usize) -> [Vec3; 2] {
     }
     let [a, b, c] = surface.triangle(face);
     [(b - a).as_vec3(), (c - a).as_vec3()]
+}
+
+/// Where points stay no value is fitted to its place: the order has to make up for that.
+fn attribute_weights(options: &Options) -> AttributeWeights {
+    let AttributeWeights { normal, tex_coord, color } = options.attribute_weights;
+    let more = if options.placement == Placement::Subset { DIRECTIONS_AT_ENDS } else { 1.0 };
+    AttributeWeights { normal: more * normal, tex_coord, color: more * color }
 }
 
 impl Cost for Enhanced {
@@ -213,7 +226,7 @@ impl Cost for Enhanced {
     }
 
     fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
-        area * distance_squared
+        if self.at_ends { area.sqrt() * distance_squared } else { area * distance_squared }
     }
 
     fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {

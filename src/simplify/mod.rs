@@ -5,6 +5,7 @@ mod buckets;
 mod constraints;
 mod cost;
 mod deviation;
+mod ends;
 mod enhanced;
 mod fan;
 mod fms;

@@ -13,8 +13,10 @@ const REFILL: f64 = 0.4;
 
 /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
 const REORDER: f32 = 2.0;
-/// Where the order counts more than a tenth of the time: points that stay are all there is to choose, and refinement cannot make up for the order.
+/// Where refinement follows, which cannot make up for the order.
 const REORDER_CAREFUL: f32 = 1.1;
+/// For points that stay: which of them stay is all there is to choose.
+const REORDER_STAYING: f32 = 1.3;
 
 /// In the time of an entry whose cost has the fine in it.
 const PAID: u32 = 1 << 31;
@@ -100,7 +102,11 @@ impl Workspace {
 
     /// Collapses down to `limit` faces, `target` at the end of all; gives whether there are so few now.
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize) -> bool {
-        let reorder = if reducer.is_careful() { REORDER_CAREFUL } else { REORDER };
+        let reorder = match (reducer.goes_to_ends(), reducer.is_careful()) {
+            (true, _) => REORDER_STAYING,
+            (_, true) => REORDER_CAREFUL,
+            _ => REORDER,
+        };
         while reducer.surface.face_count() > limit {
             let Some((entry, cost)) = self.queue.pop() else { return false };
             let left = reducer.surface.face_count() - target;

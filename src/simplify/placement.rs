@@ -33,6 +33,9 @@ const FLAT_ANGLE: f32 = 0.02;
 /// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
 const LENGTH_COST: f32 = 1e-12;
 
+/// What a collapse to an end costs relative to its error by the old faces: the farthest one counts besides, see `ends`.
+const SWEPT: f32 = 1.3;
+
 /// What is known of a point: one cache line.
 ///
 /// The quadric `Σ area · n nᵀ` is kept as `weight · m mᵀ + spread`, with the mean normal `m` and the covariance of the normals around it: that is
@@ -62,7 +65,8 @@ impl Apex {
         self.rest[2]
     }
 
-    fn weight(&self) -> f32 {
+    /// Σ area of the faces around the point.
+    pub fn weight(&self) -> f32 {
         self.mean[0]
     }
 
@@ -145,6 +149,11 @@ impl Facet {
 
     pub fn area_vector(self) -> Vec3 {
         self.0.truncate() * self.0.w
+    }
+
+    /// Area · distance that a point of the face gets from its plane on this way.
+    pub fn volume_along(self, way: Vec3) -> f32 {
+        self.0.w * self.0.truncate().dot(way)
     }
 }
 
@@ -262,18 +271,22 @@ pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: boo
         ([0, 1, 2].map(|i| along * apex.mean[i] + spread[i]), value)
     };
     let ((u, at_end), (v, at_start)) = (times_edge(a), times_edge(b));
-    let mut error = at_start.fast_min(at_end);
-    if !at_ends {
+    let length_squared = dot(edge, edge);
+    let least = splat(LENGTH_COST) * (a.weight + b.weight) * length_squared;
+    let error = if at_ends {
+        let end = |error: f32x4, area: f32x4| {
+            splat(SWEPT) * (error.fast_max(splat(0.0)) + least) / area.fast_max(splat(f32::MIN_POSITIVE)).sqrt()
+        };
+        end(at_start, b.weight).fast_min(end(at_end, a.weight))
+    } else {
         let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
         let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
         // Σ area · (n · N)², with all normals taken for their mean.
         let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
         let stiffness = (a.weight * na * na + b.weight * nb * nb).fast_max(splat(f32::MIN_POSITIVE));
-        error = error.fast_min(splat(0.25) * (at_start + at_end - slope * slope / stiffness));
-    }
-    let length_squared = dot(edge, edge);
-    let least = splat(LENGTH_COST) * (a.weight + b.weight) * length_squared;
-    let error = error.fast_max(splat(0.0)) + least;
+        let between = splat(0.25) * (at_start + at_end - slope * slope / stiffness);
+        at_start.fast_min(at_end).fast_min(between).fast_max(splat(0.0)) + least
+    };
     let factor = factor(a.mean, b.mean, a.curvature + b.curvature, length_squared, curvature_weight);
     (error * factor).to_array()
 }

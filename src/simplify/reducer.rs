@@ -89,7 +89,7 @@ impl Reducer {
             fan: Fan::default(),
             needle: needle_quality(options),
             to_ends,
-            careful: to_ends || options.effort > Effort::Fast,
+            careful: options.effort > Effort::Fast,
         }
     }
 
@@ -108,6 +108,11 @@ impl Reducer {
         self.surface = surface;
         self.surface.compact();
         recollect_edges(&self.surface, &self.irregular, &mut self.edges);
+    }
+
+    /// Whether joined points go to an end of their edge.
+    pub fn goes_to_ends(&self) -> bool {
+        self.to_ends
     }
 
     /// Whether the order of collapses is worth time.
@@ -292,8 +297,9 @@ impl Reducer {
 
 /// Quality below which a face is a needle. The papers know no needles, and only the worst are kept from them.
 fn needle_quality(options: &Options) -> f32 {
-    match options.algorithm {
-        Algorithm::Esqem(Mode::Enhanced) => 0.16,
+    match (options.algorithm, options.placement) {
+        (Algorithm::Esqem(Mode::Enhanced), Placement::Subset) => 0.18,
+        (Algorithm::Esqem(Mode::Enhanced), Placement::Optimal) => 0.16,
         _ => 0.06,
     }
 }
