@@ -58,10 +58,12 @@ impl Block {
     }
 }
 
-/// Area (of all faces of a wedge) and a symmetric matrix: xx, xy, xz, yy, yz, zz.
+/// Area (of all faces of a wedge), a symmetric matrix (xx, xy, xz, yy, yz, zz), and how far the gradients are trusted (by area).
 const HEAD: usize = 2;
 /// A face thinner than this share of its length says little of its gradient across.
 const THIN: f32 = 0.1;
+/// Mean trust in the gradients around a wedge below which they count for less.
+const LEAST_TRUST: f32 = 0.01;
 
 /// A unit normal that turns by δ over a face of size L hides a shape error of about δ·L/8.
 const NORMAL_SCALE: f64 = 0.125;
@@ -213,8 +215,8 @@ impl Metric {
             return;
         }
         let longest = ab.length_squared().max(ac.length_squared()).max(ab.distance_squared(ac));
-        let trust = (double_area / (THIN * longest)).min(1.0) / square;
-        let (along_b, along_c) = (splat(ac.cross(normal) * trust), splat(normal.cross(ab) * trust));
+        let trust = (double_area / (THIN * longest)).min(1.0);
+        let (along_b, along_c) = (splat(ac.cross(normal) / square), splat(normal.cross(ab) / square));
         let [ra, rb, rc] = surface.face_wedges(face).map(|w| surface.wedges.row(w));
         let (head, gradients) = out.split_at_mut(HEAD);
         let mut products = [f32x4::ZERO; 6];
@@ -222,10 +224,10 @@ impl Metric {
             let start = block.of(ra);
             let (to_b, to_c) = (block.of(rb) - start, block.of(rc) - start);
             let g: [f32x4; 3] = std::array::from_fn(|axis| along_b[axis] * to_b + along_c[axis] * to_c);
-            add_squares(&mut products, g, f32x4::ONE);
-            gradient.copy_from_slice(&g);
+            add_squares(&mut products, g, f32x4::splat(trust));
+            gradient.copy_from_slice(&g.map(|g| g * trust));
         }
-        write_head(head, 0.5 * double_area, products);
+        write_head(head, 0.5 * double_area, products, trust);
     }
 
     /// Adds a face to the sums of a wedge.
@@ -244,16 +246,18 @@ impl Metric {
     #[inline]
     fn settle(&self, state: &mut [f32x4], row: &[f32]) {
         let (head, blocks) = state.split_at_mut(HEAD);
-        let area = head[0].to_array()[0];
-        let share = f32x4::splat(if area > 0.0 { 1.0 / area } else { 0.0 });
+        let (area, trusted) = (head[0].to_array()[0], head[1].to_array()[3]);
+        // Where all faces are thin, what they say is mostly noise.
+        let weight = trusted.max(LEAST_TRUST * area);
+        let share = f32x4::splat(if weight > 0.0 { 1.0 / weight } else { 0.0 });
         let mut products = [f32x4::ZERO; 6];
         for (block, known) in self.blocks.iter().zip(blocks.chunks_exact_mut(4)) {
             known[..3].iter_mut().for_each(|sum| *sum *= share);
-            add_squares(&mut products, [known[0], known[1], known[2]], f32x4::splat(-area));
+            add_squares(&mut products, [known[0], known[1], known[2]], f32x4::splat(-weight));
             known[3] = block.of(row);
         }
         let mut means = [f32x4::ZERO; HEAD];
-        write_head(&mut means, 0.0, products);
+        write_head(&mut means, 0.0, products, 0.0);
         head.iter_mut().zip(means).for_each(|(sum, mean)| *sum += mean);
     }
 
@@ -396,12 +400,12 @@ fn add_squares(products: &mut [f32x4; 6], [x, y, z]: [f32x4; 3], weight: f32x4) 
     products.iter_mut().zip(added).for_each(|(sum, product)| *sum += product);
 }
 
-/// Writes the area and the sums of the lanes of `products`.
+/// Writes the area, the sums of the lanes of `products`, and how far gradients are trusted.
 #[inline]
-fn write_head(head: &mut [f32x4], area: f32, products: [f32x4; 6]) {
+fn write_head(head: &mut [f32x4], area: f32, products: [f32x4; 6], trust: f32) {
     let [xx, xy, xz, yy, yz, zz] = products.map(f32x4::reduce_add);
     head[0] = f32x4::new([area, xx, xy, xz]);
-    head[1] = f32x4::new([yy, yz, zz, 0.0]);
+    head[1] = f32x4::new([yy, yz, zz, trust]);
 }
 
 fn only_wedge(surface: &Surface, point: u32) -> u32 {

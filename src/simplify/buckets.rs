@@ -133,6 +133,10 @@ impl Lists {
         self.heads[bucket] = match self.entries.get_mut(self.free as usize) {
             Some(slot) => std::mem::replace(&mut self.free, std::mem::replace(slot, link).1),
             None => {
+                if self.entries.len() == self.entries.capacity() {
+                    // Doubling would leave half of what is the most memory of all unused.
+                    self.entries.reserve_exact(self.entries.len() / 4 + 256);
+                }
                 self.entries.push(link);
                 self.entries.len() as u32 - 1
             }
