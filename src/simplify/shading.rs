@@ -30,7 +30,7 @@ const FLAT: f32 = 0.954;
 /// Wedges of a point whose normals in the source are closer than this (cosine) share one: what parts them is no hard edge.
 const SAME: f32 = 0.999;
 /// A crease has to take away so much of the squared error around its point …
-const GAIN: f32 = 0.75;
+const GAIN: f32 = 0.5;
 /// … and has to save so much as a mean over the area (a unit normal turned by 6°).
 const LEAST_SAVING: f32 = 0.01;
 
