@@ -24,9 +24,9 @@ const PRIOR: f32 = 0.02;
 /// Rounds of fitting.
 const ROUNDS: usize = 3;
 /// Cosine of the angle from which an edge may become a crease.
-const CREASE: f32 = 0.82;
+const CREASE: f32 = 0.7;
 /// Faces around a point within this (cosine) of the first one have no such edge: half the angle.
-const FLAT: f32 = 0.954;
+const FLAT: f32 = 0.922;
 /// Wedges of a point whose normals in the source are closer than this (cosine) share one: what parts them is no hard edge.
 const SAME: f32 = 0.999;
 /// A crease has to take away so much of the squared error around its point …
