@@ -36,8 +36,8 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> boo
     if turns(&old, &new) {
         return false;
     }
-    let mut after = level.appraise(&new);
-    if !after.faces_like(&before) || (manner != Manner::Thorough && after.cost > before.cost * (1.0 - LEAST_GAIN)) {
+    let mut after = level.patch.attempt(&new, &level.prices);
+    if after.turned > before.turned || (manner != Manner::Thorough && after.cost > before.cost * (1.0 - LEAST_GAIN)) {
         return false;
     }
     before.cost += level.price(&level.probe_pair(&old, level.foot(a).face));

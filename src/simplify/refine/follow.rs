@@ -5,8 +5,7 @@
 
 use super::level::{Lists, NONE};
 use super::patch::Patch;
-use super::prices::Prices;
-use super::source::{Source, closest_point};
+use super::source::Source;
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 
@@ -44,6 +43,7 @@ pub(super) fn assign(
             triangles.clear();
             triangles.extend(ring.iter().map(|&c| surface.triangle(Surface::face_of(c)).map(|x| x.as_vec3())));
             patch.clear();
+            patch.start_triangle();
             let mut at = std::mem::replace(&mut by_point.head[p as usize], NONE);
             while at != NONE {
                 patch.push(at, &source.samples[at as usize], 0.0);
@@ -52,7 +52,7 @@ pub(super) fn assign(
             if ring.is_empty() {
                 continue;
             }
-            patch.measure(&triangles, &Prices::default());
+            patch.find_nearest(&triangles);
             for (id, squared, which) in patch.found() {
                 let s = id as usize;
                 if squared >= lists.squared[s] {
@@ -61,15 +61,8 @@ pub(super) fn assign(
                 lists.squared[s] = squared;
                 let face = Surface::face_of(ring[which]);
                 found[s] = face as u32;
-                let (_, [a, b, c], _) = closest_point(triangles[which], source.samples[s].position);
-                let k = if a >= b && a >= c {
-                    0
-                } else if b >= c {
-                    1
-                } else {
-                    2
-                };
-                let corner = surface.face(face)[k];
+                let position = source.samples[s].position;
+                let corner = nearest_corner(surface.face(face), &triangles[which], position);
                 anchors[s] = corner;
                 if corner != p {
                     moved.push((corner, id));
@@ -92,6 +85,18 @@ pub(super) fn assign(
             lists.push(face as usize, s as u32);
         }
     }
+}
+
+fn nearest_corner(face: [u32; 3], triangle: &[Vec3; 3], x: Vec3) -> u32 {
+    let [a, b, c] = triangle.map(|p| p.distance_squared(x));
+    let k = if a <= b && a <= c {
+        0
+    } else if b <= c {
+        1
+    } else {
+        2
+    };
+    face[k]
 }
 
 /// Corners of the faces that samples lie on now become their anchors.

@@ -6,7 +6,6 @@ use super::prices::Prices;
 use super::source::{Foot, Source};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
-use smallvec::SmallVec;
 
 /// How a move is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,10 +20,18 @@ pub(super) enum Manner {
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Squared distance, relative to the mean, from which a foot found by walking is not trusted.
-const SUSPICIOUS: f32 = 9.0;
+const SUSPICIOUS: f32 = 100.0;
 
-pub(super) type Faces = SmallVec<[usize; 16]>;
-pub(super) type Triangles = SmallVec<[[Vec3; 3]; 16]>;
+/// The faces around a point, neighbours side by side.
+#[derive(Debug, Default)]
+pub(super) struct Fan {
+    pub faces: Vec<usize>,
+    /// The first corner of each is the point.
+    pub triangles: Vec<[Vec3; 3]>,
+    /// The same with the point elsewhere.
+    pub moved: Vec<[Vec3; 3]>,
+    rims: Vec<[u32; 2]>,
+}
 
 /// Lists of samples by face (or point), and how far each is. Kept between levels.
 #[derive(Debug, Default)]
@@ -65,6 +72,7 @@ pub(super) struct Level<'a> {
     pub source: &'a Source,
     pub lists: &'a mut Lists,
     pub patch: &'a mut Patch,
+    pub fan: Fan,
     /// For each point the closest of the source; face NONE for points without faces.
     pub feet: Vec<Foot>,
     pub prices: Prices,
@@ -93,27 +101,15 @@ impl Level<'_> {
     /// Puts the samples of these faces, which are `triangles`, into the patch; gives what they and the shapes cost.
     pub fn gather(&mut self, faces: &[usize], triangles: &[[Vec3; 3]]) -> Appraisal {
         self.patch.clear();
-        for (k, &f) in faces.iter().enumerate() {
-            self.patch.start_triangle(k);
+        for &f in faces {
+            self.patch.start_triangle();
             let mut at = self.lists.head[f];
             while at != NONE {
                 self.patch.push(at, &self.source.samples[at as usize], self.lists.squared[at as usize]);
                 at = self.lists.next[at as usize];
             }
         }
-        let found = self.patch.measure_as_is(triangles, &self.prices);
-        self.with_shapes(found, triangles)
-    }
-
-    /// What the patch's samples and the shapes cost with `triangles` in its place.
-    pub fn appraise(&mut self, triangles: &[[Vec3; 3]]) -> Appraisal {
-        let found = self.patch.measure(triangles, &self.prices);
-        self.with_shapes(found, triangles)
-    }
-
-    fn with_shapes(&self, appraisal: Appraisal, triangles: &[[Vec3; 3]]) -> Appraisal {
-        let shapes: f32 = triangles.iter().map(|t| self.prices.of_shape(t)).sum();
-        Appraisal { cost: appraisal.cost + shapes, ..appraisal }
+        self.patch.look(triangles, &self.prices)
     }
 
     /// Mean and largest squared distance of the samples and points; `thorough`: the largest of places on the faces, too.
@@ -148,16 +144,31 @@ impl Level<'_> {
         }
     }
 
-    /// The faces around `p` as triangles that start with it.
-    pub fn fan(&self, p: u32) -> (Faces, Triangles) {
-        let here = self.point(p);
+    /// Fills `fan` with the faces around `p`.
+    pub fn fill_fan(&self, p: u32, fan: &mut Fan) {
         let ring = self.surface.ring(p);
-        let faces = ring.iter().map(|&c| Surface::face_of(c)).collect();
-        let triangle = |&c: &u32| {
-            let [q, r] = self.surface.opposite(c);
-            [here, self.point(q), self.point(r)]
-        };
-        (faces, ring.iter().map(triangle).collect())
+        fan.faces.clear();
+        fan.faces.extend(ring.iter().map(|&c| Surface::face_of(c)));
+        fan.rims.clear();
+        fan.rims.extend(ring.iter().map(|&c| self.surface.opposite(c)));
+        for k in 1..ring.len() {
+            let end = fan.rims[k - 1][1];
+            if let Some(next) = (k..ring.len()).find(|&j| fan.rims[j][0] == end) {
+                fan.rims.swap(k, next);
+                fan.faces.swap(k, next);
+            }
+        }
+        let here = self.point(p);
+        fan.triangles.clear();
+        fan.triangles.extend(fan.rims.iter().map(|&[q, r]| [here, self.point(q), self.point(r)]));
+    }
+}
+
+impl Fan {
+    /// Puts the point elsewhere.
+    pub fn move_to(&mut self, x: Vec3) {
+        self.moved.clear();
+        self.moved.extend(self.triangles.iter().map(|t| [x, t[1], t[2]]));
     }
 }
 

@@ -20,6 +20,7 @@ mod follow;
 mod level;
 mod patch;
 mod peaks;
+mod plane;
 mod prices;
 mod probe;
 mod relocate;
@@ -31,7 +32,7 @@ use crate::mesh::edges::collect_edges;
 use crate::mesh::surface::Surface;
 use attributes::SourceAttributes;
 use glam::Vec3;
-use level::{Level, Lists, Manner, NONE};
+use level::{Fan, Level, Lists, Manner, NONE};
 use patch::Patch;
 use prices::Prices;
 pub(super) use source::closest_point;
@@ -103,6 +104,7 @@ impl Refiner {
             lists: &mut self.lists,
             patch: &mut self.patch,
             feet: Vec::new(),
+            fan: Fan::default(),
             prices: Prices::default(),
         };
         level.prices = Prices::of_level(&level);

@@ -2,61 +2,30 @@
 //! worth. Everything is kept between patches: nothing is allocated for a candidate.
 
 use super::level::NONE;
+use super::plane::Planes;
 use super::prices::Prices;
 use super::source::Sample;
 use super::step::Step;
-use glam::{BVec4A, Vec3, Vec4};
-use smallvec::SmallVec;
+use crate::lanes::{Vec3x4, dot, minus};
+use glam::Vec3;
+use std::ops::Range;
+use wide::{CmpGt, CmpLt, f32x4};
+
+const LANES: usize = 4;
 
 /// Four samples of one face.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Block {
-    position: Lanes,
-    normal: Lanes,
+struct Block {
+    position: Vec3x4,
+    normal: Vec3x4,
     /// 0 in lanes without a sample.
-    weight: Vec4,
+    weight: f32x4,
     /// Squared distance to the nearest triangle, which one it is, and the cosine between the normals.
-    nearest: Vec4,
-    which: Vec4,
-    turn: Vec4,
+    nearest: f32x4,
+    which: f32x4,
+    turn: f32x4,
     /// Samples; `NONE` in lanes without one.
-    ids: [u32; 4],
-}
-
-/// Four vectors.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Lanes {
-    x: Vec4,
-    y: Vec4,
-    z: Vec4,
-}
-
-impl Lanes {
-    fn splat(v: Vec3) -> Self {
-        Self { x: Vec4::splat(v.x), y: Vec4::splat(v.y), z: Vec4::splat(v.z) }
-    }
-
-    fn set(&mut self, lane: usize, v: Vec3) {
-        self.x[lane] = v.x;
-        self.y[lane] = v.y;
-        self.z[lane] = v.z;
-    }
-
-    fn dot(&self, other: &Self) -> Vec4 {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    fn minus(&self, other: &Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
-    }
-
-    fn scaled(&self, factor: Vec4) -> Self {
-        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
-    }
-
-    fn plus(&self, other: &Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
-    }
+    ids: [u32; LANES],
 }
 
 /// What a patch costs with some triangles in its place.
@@ -65,59 +34,54 @@ pub(super) struct Appraisal {
     pub cost: f32,
     /// Area of the samples whose nearest triangle looks the other way.
     pub turned: f32,
-    /// Triangles that look against the source.
-    pub against: usize,
-}
-
-impl Appraisal {
-    /// Whether nothing looks the other way that did not in `before`.
-    pub fn faces_like(&self, before: &Self) -> bool {
-        self.turned <= before.turned && self.against <= before.against
-    }
 }
 
 #[derive(Debug, Default)]
 pub(super) struct Patch {
     blocks: Vec<Block>,
+    /// First block of each triangle.
+    starts: Vec<usize>,
     /// Lanes taken in the last block.
     taken: usize,
-    /// The triangle that new samples belong to.
-    current: f32,
-    planes: Vec<Plane>,
+    /// The triangles as they are, and those tried in their place.
+    pub planes: Planes,
+    pub tried: Planes,
 }
 
 impl Patch {
     pub fn clear(&mut self) {
         self.blocks.clear();
-        self.taken = 4;
+        self.starts.clear();
     }
 
-    /// Samples pushed from now on belong to the triangle of this index.
-    pub fn start_triangle(&mut self, index: usize) {
-        self.current = index as f32;
-        self.taken = 4;
+    /// Samples pushed from now on belong to the next triangle.
+    pub fn start_triangle(&mut self) {
+        self.starts.push(self.blocks.len());
+        self.taken = LANES;
     }
 
     /// Adds a sample of the current triangle, with its squared distance as far as that is known.
     pub fn push(&mut self, id: u32, sample: &Sample, squared: f32) {
-        if self.taken == 4 {
+        if self.taken == LANES {
             self.taken = 0;
             self.blocks.push(Block {
-                position: Lanes::splat(sample.position),
-                normal: Lanes::splat(sample.normal),
-                weight: Vec4::ZERO,
-                nearest: Vec4::ZERO,
-                which: Vec4::splat(self.current),
-                turn: Vec4::ONE,
-                ids: [NONE; 4],
+                position: sample.position.to_array().map(f32x4::splat),
+                normal: sample.normal.to_array().map(f32x4::splat),
+                weight: f32x4::ZERO,
+                nearest: f32x4::ZERO,
+                which: f32x4::splat(self.starts.len() as f32 - 1.0),
+                turn: f32x4::ONE,
+                ids: [NONE; LANES],
             });
         }
         let Some(block) = self.blocks.last_mut() else { return };
         let lane = self.taken;
-        block.position.set(lane, sample.position);
-        block.normal.set(lane, sample.normal);
-        block.weight[lane] = sample.weight;
-        block.nearest[lane] = squared;
+        for k in 0..3 {
+            block.position[k].as_mut_array()[lane] = sample.position[k];
+            block.normal[k].as_mut_array()[lane] = sample.normal[k];
+        }
+        block.weight.as_mut_array()[lane] = sample.weight;
+        block.nearest.as_mut_array()[lane] = squared;
         block.ids[lane] = id;
         self.taken += 1;
     }
@@ -125,232 +89,143 @@ impl Patch {
     /// Each sample with its squared distance and the index of its triangle.
     pub fn found(&self) -> impl Iterator<Item = (u32, f32, usize)> + '_ {
         let lanes = |b: &'_ Block| {
-            let (ids, nearest, which) = (b.ids, b.nearest, b.which);
-            (0..4).map(move |k| (ids[k], nearest[k], which[k] as usize))
+            let (ids, nearest, which) = (b.ids, b.nearest.to_array(), b.which.to_array());
+            (0..LANES).map(move |k| (ids[k], nearest[k], which[k] as usize))
         };
         self.blocks.iter().flat_map(lanes).filter(|(id, ..)| *id != NONE)
     }
 
-    /// Finds the nearest of `triangles` for every sample, and what all distances and normals cost.
-    pub fn measure(&mut self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
-        for block in &mut self.blocks {
-            block.nearest = Vec4::INFINITY;
-        }
-        for (index, triangle) in triangles.iter().enumerate() {
-            let (plane, index) = (Plane::new(triangle), Vec4::splat(index as f32));
-            for block in &mut self.blocks {
-                let (_, squared) = plane.approach(&block.position);
-                let closer = squared.cmplt(block.nearest);
-                block.nearest = Vec4::select(closer, squared, block.nearest);
-                block.which = Vec4::select(closer, index, block.which);
-                block.turn = Vec4::select(closer, block.normal.dot(&plane.normal), block.turn);
+    /// What the patch costs as it is; `triangles` are those that the samples were pushed for.
+    pub fn look(&mut self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
+        self.planes.fill(triangles);
+        let all = self.blocks.len();
+        for k in 0..triangles.len() {
+            let normal = self.planes.get(k).normal;
+            for block in &mut self.blocks[range(&self.starts, k, all)] {
+                block.turn = dot(block.normal, normal);
             }
         }
-        self.appraise(triangles, prices)
+        self.appraise(&self.planes, prices)
     }
 
-    /// What distances and normals cost as they are known; `triangles` are those that the samples were pushed for.
-    pub fn measure_as_is(&mut self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
-        self.planes.clear();
-        self.planes.extend(triangles.iter().map(Plane::new));
-        for block in &mut self.blocks {
-            block.turn = block.normal.dot(&self.planes[block.which.x as usize].normal);
-        }
-        self.appraise(triangles, prices)
-    }
-
-    fn appraise(&self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
-        let (mut cost, mut turned) = (Vec4::ZERO, Vec4::ZERO);
-        for block in &self.blocks {
-            cost += prices.of_samples(block.weight, block.nearest, block.turn);
-            turned += Vec4::select(block.turn.cmplt(Vec4::ZERO), block.weight, Vec4::ZERO);
-        }
-        let (turned, against) = (turned.element_sum(), self.count_against(triangles));
-        Appraisal { cost: cost.element_sum(), turned, against }
-    }
-
-    /// Triangles that look against their samples in the mean, or without any, against the nearest sample.
-    fn count_against(&self, triangles: &[[Vec3; 3]]) -> usize {
-        let mut along: SmallVec<[(f32, bool); 24]> = SmallVec::from_elem((0.0, false), triangles.len());
-        for block in &self.blocks {
-            let weighed = block.weight * block.turn;
-            for k in 0..4 {
-                let (sum, any) = &mut along[block.which[k] as usize];
-                *sum += weighed[k];
-                *any |= block.weight[k] > 0.0;
-            }
-        }
-        let is_against = |(t, &(sum, any)): (&[Vec3; 3], &(f32, bool))| {
-            let normal = (t[1] - t[0]).cross(t[2] - t[0]);
-            let nearest = || self.nearest_normal((t[0] + t[1] + t[2]) / 3.0);
-            if any { sum < 0.0 } else { nearest().is_some_and(|n| n.dot(normal) < 0.0) }
-        };
-        triangles.iter().zip(&along).filter(|&pair| is_against(pair)).count()
-    }
-
-    fn nearest_normal(&self, x: Vec3) -> Option<Vec3> {
-        let at = Lanes::splat(x);
-        let mut best: (f32, Option<Vec3>) = (f32::INFINITY, None);
-        for block in &self.blocks {
-            let offset = block.position.minus(&at);
-            let squared = offset.dot(&offset);
-            for k in (0..4).filter(|&k| block.weight[k] > 0.0) {
-                if squared[k] < best.0 {
-                    best = (squared[k], Some(Vec3::new(block.normal.x[k], block.normal.y[k], block.normal.z[k])));
+    /// What the patch costs with `triangles` instead, as many as there are, neighbours side by side: samples stay in their triangle or go on to
+    /// one beside it.
+    pub fn attempt(&mut self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
+        let (count, all) = (triangles.len(), self.blocks.len());
+        self.tried.fill(triangles);
+        self.forget();
+        for k in 0..count {
+            let near = [(k + count - 1) % count, k, (k + 1) % count];
+            for (i, &of) in near.iter().enumerate() {
+                if !near[..i].contains(&of) {
+                    measure(&self.tried, k, &mut self.blocks[range(&self.starts, of, all)]);
                 }
             }
         }
-        best.1
+        self.appraise(&self.tried, prices)
     }
 
-    /// Adds the samples to the least squares problem for the first corner of all triangles. To be called after [`Self::measure_as_is`].
-    pub fn add_to(&self, step: &mut Step, prices: &Prices) {
-        let mut sums = [Vec4::ZERO; 9];
+    /// Finds the nearest of any `triangles` for every sample.
+    pub fn find_nearest(&mut self, triangles: &[[Vec3; 3]]) {
+        self.tried.fill(triangles);
+        self.forget();
+        for k in 0..triangles.len() {
+            measure(&self.tried, k, &mut self.blocks);
+        }
+    }
+
+    fn forget(&mut self) {
+        for block in &mut self.blocks {
+            block.nearest = f32x4::splat(f32::INFINITY);
+        }
+    }
+
+    fn appraise(&self, planes: &Planes, prices: &Prices) -> Appraisal {
+        let (mut cost, mut turned) = (f32x4::ZERO, f32x4::ZERO);
         for block in &self.blocks {
-            let plane = &self.planes[block.which.x as usize];
-            let (foot, squared) = plane.approach(&block.position);
-            let lever = plane.weight_of_first(&foot);
-            let slope = prices.slopes(block.weight, squared);
-            let local = block.position.minus(&plane.origin);
-            let (dx, dy, dz) =
-                (local.dot(&plane.along) - foot.x, local.dot(&plane.across) - foot.y, local.dot(&plane.normal));
-            let length = Vec4::new(squared.x.sqrt(), squared.y.sqrt(), squared.z.sqrt(), squared.w.sqrt());
-            let near = length.cmplt(Vec4::splat(1e-7));
-            let inverse = Vec4::ONE / Vec4::select(near, Vec4::ONE, length);
-            // Where there is no distance, its direction is the normal's.
-            let (dx, dy, dz) = (
-                Vec4::select(near, Vec4::ZERO, dx * inverse),
-                Vec4::select(near, Vec4::ZERO, dy * inverse),
-                Vec4::select(near, Vec4::ONE, dz * inverse),
-            );
-            let pull =
-                plane.along.scaled(dx).plus(&plane.across.scaled(dy)).plus(&plane.normal.scaled(dz)).scaled(lever);
-            let weighed = pull.scaled(slope);
-            let products = [
-                pull.x * weighed.x,
-                pull.x * weighed.y,
-                pull.x * weighed.z,
-                pull.y * weighed.y,
-                pull.y * weighed.z,
-                pull.z * weighed.z,
-                weighed.x * length,
-                weighed.y * length,
-                weighed.z * length,
-            ];
-            for (sum, product) in sums.iter_mut().zip(products) {
-                *sum += product;
+            cost += prices.of_samples(block.weight, block.nearest, block.turn);
+            turned += block.turn.simd_lt(f32x4::ZERO) & block.weight;
+        }
+        Appraisal { cost: cost.reduce_add() + planes.price(prices), turned: turned.reduce_add() }
+    }
+
+    /// Adds the samples to the least squares problem for the first corner of all triangles, as they are. To be called after [`Self::look`].
+    pub fn add_to(&self, step: &mut Step, prices: &Prices) {
+        let mut sums = [f32x4::ZERO; 9];
+        for k in 0..self.planes.len() {
+            let plane = self.planes.get(k);
+            for block in &self.blocks[range(&self.starts, k, self.blocks.len())] {
+                let (foot, squared) = plane.approach(block.position);
+                let (lever, slope) = (plane.weight_of_first(foot), prices.slopes(block.weight, squared));
+                let local = minus(block.position, plane.origin);
+                let offset =
+                    [dot(local, plane.along) - foot.x, dot(local, plane.across) - foot.y, dot(local, plane.normal)];
+                let length = squared.sqrt();
+                // Where there is no distance, its direction is the normal's.
+                let far = length.simd_gt(f32x4::splat(1e-7));
+                let unit = lever / far.bitselect(length, f32x4::ONE);
+                let [dx, dy] = [offset[0], offset[1]].map(|d| far & (d * unit));
+                let dz = far.bitselect(offset[2] * unit, lever);
+                let pull: Vec3x4 =
+                    std::array::from_fn(|i| plane.along[i] * dx + plane.across[i] * dy + plane.normal[i] * dz);
+                let weighed = pull.map(|p| p * slope);
+                let products = [
+                    pull[0] * weighed[0],
+                    pull[0] * weighed[1],
+                    pull[0] * weighed[2],
+                    pull[1] * weighed[1],
+                    pull[1] * weighed[2],
+                    pull[2] * weighed[2],
+                    weighed[0] * length,
+                    weighed[1] * length,
+                    weighed[2] * length,
+                ];
+                for (sum, product) in sums.iter_mut().zip(products) {
+                    *sum += product;
+                }
             }
         }
-        step.add_sums(sums.map(Vec4::element_sum));
+        step.add_sums(sums.map(f32x4::reduce_add));
     }
 
     /// The sample nearest to `x` among those that look the way of `normal`.
     pub fn nearest_sample(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let (at, normal) = (Lanes::splat(x), Lanes::splat(normal));
-        let (mut best, mut ids) = (Vec4::INFINITY, [NONE; 4]);
+        let [at, normal] = [x, normal].map(|v| v.to_array().map(f32x4::splat));
+        let (mut best, mut ids) = (f32x4::splat(f32::INFINITY), [NONE; LANES]);
         for block in &self.blocks {
-            let offset = block.position.minus(&at);
-            let faces_along = block.normal.dot(&normal).cmpgt(Vec4::ZERO) & block.weight.cmpgt(Vec4::ZERO);
-            let squared = Vec4::select(faces_along, offset.dot(&offset), Vec4::INFINITY);
-            let closer = squared.cmplt(best).bitmask();
-            best = best.min(squared);
+            let offset = minus(block.position, at);
+            let faces_along = dot(block.normal, normal).simd_gt(f32x4::ZERO) & block.weight.simd_gt(f32x4::ZERO);
+            let squared = faces_along.bitselect(dot(offset, offset), f32x4::splat(f32::INFINITY));
+            let closer = squared.simd_lt(best).to_bitmask();
+            best = best.fast_min(squared);
             for (k, id) in ids.iter_mut().enumerate() {
                 if closer >> k & 1 == 1 {
                     *id = block.ids[k];
                 }
             }
         }
-        let k = (0..4).min_by(|&a, &b| best[a].total_cmp(&best[b])).unwrap_or(0);
+        let best = best.to_array();
+        let k = (0..LANES).min_by(|&a, &b| best[a].total_cmp(&best[b])).unwrap_or(0);
         (ids[k] != NONE).then_some(ids[k])
     }
 }
 
-/// A triangle in a frame of its own: the first corner is the origin, the first edge the x axis. Every number stands four times.
-#[derive(Debug, Clone, Copy)]
-struct Plane {
-    origin: Lanes,
-    along: Lanes,
-    across: Lanes,
-    normal: Lanes,
-    /// Length of the first edge; place of the third corner.
-    length: Vec4,
-    apex: [Vec4; 2],
-    /// 1 / square of the second and third edge's lengths.
-    inverse: [Vec4; 2],
-    has_area: BVec4A,
-    /// Weight of the first corner: 1 + falls · place.
-    falls: [Vec4; 2],
+/// Blocks of a triangle, of `blocks` in all.
+fn range(starts: &[usize], triangle: usize, blocks: usize) -> Range<usize> {
+    starts[triangle]..starts.get(triangle + 1).copied().unwrap_or(blocks)
 }
 
-/// Places in a triangle's plane.
-#[derive(Debug, Clone, Copy)]
-struct Places {
-    x: Vec4,
-    y: Vec4,
-}
-
-impl Plane {
-    fn new([a, b, c]: &[Vec3; 3]) -> Self {
-        let (ab, ac) = (*b - *a, *c - *a);
-        let normal = ab.cross(ac).normalize_or_zero();
-        // A face without area is an edge or a point: any frame along it serves.
-        let along = ab.try_normalize().or(ac.try_normalize()).unwrap_or(Vec3::X);
-        let frame_normal = if normal == Vec3::ZERO { along.any_orthonormal_vector() } else { normal };
-        let across = frame_normal.cross(along);
-        let (length, x, y) = (ab.dot(along), ac.dot(along), ac.dot(across));
-        let inverse = |squared: f32| if squared > 0.0 { 1.0 / squared } else { 0.0 };
-        let has_area = length > 0.0 && y > 0.0;
-        let falls = if has_area { [-1.0 / length, (x - length) / (length * y)] } else { [0.0; 2] };
-        Self {
-            origin: Lanes::splat(*a),
-            along: Lanes::splat(along),
-            across: Lanes::splat(across),
-            normal: Lanes::splat(frame_normal),
-            length: Vec4::splat(length),
-            apex: [x, y].map(Vec4::splat),
-            inverse: [inverse((x - length) * (x - length) + y * y), inverse(x * x + y * y)].map(Vec4::splat),
-            has_area: if has_area { BVec4A::TRUE } else { BVec4A::FALSE },
-            falls: falls.map(Vec4::splat),
-        }
-    }
-
-    /// The closest points in the triangle, and the squared distances to them.
-    #[inline(always)]
-    fn approach(&self, position: &Lanes) -> (Places, Vec4) {
-        let local = position.minus(&self.origin);
-        let (x, y, height) = (local.dot(&self.along), local.dot(&self.across), local.dot(&self.normal));
-        let [cx, cy] = self.apex;
-        let clamp = |s: Vec4, most: Vec4| s.max(Vec4::ZERO).min(most);
-        // Edge a b lies on the axis; b c and c a are taken from their far ends.
-        let first = Places { x: clamp(x, self.length), y: Vec4::ZERO };
-        let (ex, ey) = (cx - self.length, cy);
-        let bx = x - self.length;
-        let s = clamp((bx * ex + y * ey) * self.inverse[0], Vec4::ONE);
-        let second = Places { x: self.length + ex * s, y: ey * s };
-        let t = clamp((x * cx + y * cy) * self.inverse[1], Vec4::ONE);
-        let third = Places { x: cx * t, y: cy * t };
-        let square = |p: &Places| (x - p.x) * (x - p.x) + (y - p.y) * (y - p.y);
-        let (d1, d2, d3) = (square(&first), square(&second), square(&third));
-        let (nearer, d) = pick(d2.cmplt(d1), (second, d2), (first, d1));
-        let (nearer, d) = pick(d3.cmplt(d), (third, d3), (nearer, d));
-        let inside = self.has_area
-            & y.cmpge(Vec4::ZERO)
-            & (ex * y - ey * bx).cmpge(Vec4::ZERO)
-            & (cy * x - cx * y).cmpge(Vec4::ZERO);
-        let (place, d) = pick(inside, (Places { x, y }, Vec4::ZERO), (nearer, d));
-        (place, d + height * height)
-    }
-
-    fn weight_of_first(&self, place: &Places) -> Vec4 {
-        Vec4::ONE + self.falls[0] * place.x + self.falls[1] * place.y
-    }
-}
-
+/// Offers a triangle to the samples of some blocks.
 #[inline(always)]
-fn pick(mask: BVec4A, yes: (Places, Vec4), no: (Places, Vec4)) -> (Places, Vec4) {
-    let x = Vec4::select(mask, yes.0.x, no.0.x);
-    let y = Vec4::select(mask, yes.0.y, no.0.y);
-    (Places { x, y }, Vec4::select(mask, yes.1, no.1))
+fn measure(planes: &Planes, index: usize, blocks: &mut [Block]) {
+    let (plane, index) = (planes.get(index), f32x4::splat(index as f32));
+    for block in blocks {
+        let (_, squared) = plane.approach(block.position);
+        let closer = squared.simd_lt(block.nearest);
+        block.nearest = squared.fast_min(block.nearest);
+        block.which = closer.bitselect(index, block.which);
+        block.turn = closer.bitselect(dot(block.normal, plane.normal), block.turn);
+    }
 }
 
 #[cfg(test)]
@@ -372,11 +247,12 @@ mod tests {
             points in prop::collection::vec(vector(), 1..20),
         ) {
             let mut patch = Patch::default();
-            patch.start_triangle(0);
+            patch.clear();
+            patch.start_triangle();
             for (&position, id) in points.iter().zip(0..) {
                 patch.push(id, &Sample { position, weight: 1.0, normal: Vec3::Z, face: 0 }, 0.0);
             }
-            patch.measure(&triangles, &Prices::default());
+            patch.find_nearest(&triangles);
             let found: Vec<_> = patch.found().collect();
             prop_assert_eq!(found.len(), points.len());
             for (id, squared, which) in found {
@@ -392,10 +268,10 @@ mod tests {
     fn a_sample_above_a_corner_pulls_that_corner() {
         let fan = [[Vec3::ZERO, Vec3::X, Vec3::Y]];
         let mut patch = Patch::default();
-        patch.start_triangle(0);
+        patch.start_triangle();
         patch.push(0, &Sample { position: Vec3::Z * 0.1, weight: 1.0, normal: Vec3::Z, face: 0 }, 0.01);
         let prices = Prices::default();
-        patch.measure_as_is(&fan, &prices);
+        patch.look(&fan, &prices);
         let mut step = Step::default();
         patch.add_to(&mut step, &prices);
         let (found, _) = step.solve().unwrap_or_default();
