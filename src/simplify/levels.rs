@@ -209,6 +209,7 @@ impl Builder<'_> {
         let Some(refiner) = self.refiner.as_mut().filter(|_| self.reducer.surface.face_count() < before) else {
             return (self.level_mesh(), stop);
         };
+        if self.reducer.surface.face_count() as f32 > super::knob("SHARE", 1.0) * self.mesh.triangles.len() as f32 { return (self.level_mesh(), stop); }
         let mut surface = self.reducer.surface.clone();
         if refiner.refine(&mut surface, self.reducer.locked()) {
             self.reducer.adopt(surface);

@@ -87,6 +87,8 @@ impl Workspace {
     fn fill(&mut self, reducer: &mut Reducer) -> usize {
         reducer.refresh();
         reducer.rank(&mut self.costs);
+        let lb = super::knob("LB", 1.0);
+        if reducer.is_careful() { self.costs.iter_mut().for_each(|c| *c *= lb); }
         self.queue.fill(&reducer.edges, &self.costs);
         // All that is needed of them is in the queue: on large meshes this is the most memory that is ever held.
         (reducer.edges, self.costs) = Default::default();
@@ -104,7 +106,7 @@ impl Workspace {
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize) -> bool {
         let reorder = match (reducer.goes_to_ends(), reducer.is_careful()) {
             (true, _) => REORDER_STAYING,
-            (_, true) => REORDER_CAREFUL,
+            (_, true) => super::knob("RO", REORDER_CAREFUL),
             _ => REORDER,
         };
         while reducer.surface.face_count() > limit {
@@ -152,8 +154,10 @@ impl Workspace {
         self.marks[gone as usize] = GONE;
         reducer.cost.update(&reducer.surface, kept);
         reducer.rank_joined(&mut self.around, &mut self.costs);
+        let lb = if reducer.is_careful() { super::knob("LB", 1.0) } else { 1.0 };
         for (&other, &cost) in self.around.iter().zip(&self.costs) {
             self.marks[other as usize] |= STALE;
+            let cost = cost * lb;
             if cost < UNRANKED {
                 self.queue.push(cost, Entry { a: kept.min(other), b: kept.max(other), time: self.time });
             }

@@ -5,7 +5,7 @@
 
 use super::level::{Lists, NONE};
 use super::patch::Patch;
-use super::source::Source;
+use super::source::{Source, closest_point};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 
@@ -61,8 +61,7 @@ pub(super) fn assign(
                 lists.squared[s] = squared;
                 let face = Surface::face_of(ring[which]);
                 found[s] = face as u32;
-                let position = source.samples[s].position;
-                let corner = nearest_corner(surface.face(face), &triangles[which], position);
+                let corner = surface.face(face)[weightiest_corner(triangles[which], source.samples[s].position)];
                 anchors[s] = corner;
                 if corner != p {
                     moved.push((corner, id));
@@ -87,16 +86,16 @@ pub(super) fn assign(
     }
 }
 
-fn nearest_corner(face: [u32; 3], triangle: &[Vec3; 3], x: Vec3) -> u32 {
-    let [a, b, c] = triangle.map(|p| p.distance_squared(x));
-    let k = if a <= b && a <= c {
+/// The corner that counts most at the closest point: beyond it faces may be nearer. The corner nearest to `x` may lie on the wrong side.
+fn weightiest_corner(triangle: [Vec3; 3], x: Vec3) -> usize {
+    let (_, [a, b, c], _) = closest_point(triangle, x);
+    if a >= b && a >= c {
         0
-    } else if b <= c {
+    } else if b >= c {
         1
     } else {
         2
-    };
-    face[k]
+    }
 }
 
 /// Corners of the faces that samples lie on now become their anchors.

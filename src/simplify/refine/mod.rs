@@ -18,6 +18,7 @@ mod attributes;
 mod flip;
 mod follow;
 mod level;
+mod nearest;
 mod patch;
 mod peaks;
 mod plane;
@@ -53,7 +54,9 @@ pub(crate) struct Refiner {
 /// How much is done.
 #[derive(Debug, Clone, Copy)]
 struct Budget {
-    /// Samples a face; all source vertices in any case.
+    /// Samples inside faces of the source, for each face in the mean.
+    inside: f32,
+    /// Samples a face of the level; all source vertices in any case.
     samples: f32,
     /// Rounds: a sweep over all edges and points, then the worst spots; after the last one more sweep.
     rounds: usize,
@@ -71,8 +74,8 @@ const ROUNDING: f32 = 1e-5;
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => Self { samples: 8.0, rounds: 2, peaks: 0.04, thorough: true },
-            _ => Self { samples: 4.0, rounds: 1, peaks: 0.02, thorough: false },
+            Effort::Best => Self { inside: 2.0, samples: 8.0, rounds: 2, peaks: 0.04, thorough: true },
+            _ => Self { inside: 0.25, samples: 4.0, rounds: 1, peaks: 0.02, thorough: false },
         }
     }
 }
@@ -80,13 +83,14 @@ impl Budget {
 impl Refiner {
     /// `surface` is the source.
     pub fn new(surface: &Surface, effort: Effort) -> Self {
-        let source = Source::new(surface);
+        let budget = Budget::of(effort);
+        let source = Source::new(surface, budget.inside);
         Self {
             attributes: SourceAttributes::new(surface),
             anchors: source.samples.iter().map(|s| source.corner(s)).collect(),
             lists: Lists::default(),
             patch: Patch::default(),
-            budget: Budget::of(effort),
+            budget,
             source,
         }
     }
@@ -94,11 +98,13 @@ impl Refiner {
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
     /// whether the surface is nearer to the source than it was, by the mean and the largest distance of what was looked at.
     pub fn refine(&mut self, surface: &mut Surface, locked: &[bool]) -> bool {
+        let mut t0 = std::time::Instant::now(); let nf = surface.face_count() as f64;
+        let mut lap = |n: &str| { if super::knob("LAP",0.0)>0.0 { eprint!(" {n} {:.0}", t0.elapsed().as_nanos() as f64 / nf); t0 = std::time::Instant::now(); } };
         let fixed = find_fixed(surface, locked);
-        let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
+        lap("fixed");let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
         let chosen = self.source.choose(wanted);
         follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
-        let mut level = Level {
+        lap("assign");let mut level = Level {
             surface,
             source: &self.source,
             lists: &mut self.lists,
@@ -108,25 +114,25 @@ impl Refiner {
             prices: Prices::default(),
         };
         level.prices = Prices::of_level(&level);
-        find_feet(&mut level);
+        lap("prices");find_feet(&mut level);lap("feet");
         let was = level.error(self.budget.thorough);
-        let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
+        lap("error");let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
         level.prices.set_peak(was.1 * NEW_PEAK);
         for _ in 0..self.budget.rounds {
-            sweep(&mut level, &fixed);
+            sweep(&mut level, &fixed);lap("sweep");
             let peak = peaks::lower_peaks(&mut level, &fixed, most, self.budget.thorough);
-            level.prices.set_peak(peak * NEW_PEAK);
+            lap("peaks");level.prices.set_peak(peak * NEW_PEAK);
         }
-        sweep(&mut level, &fixed);
+        sweep(&mut level, &fixed);lap("sweep");
         if self.budget.thorough {
             // Sweeps do not look at all places.
             peaks::lower_peaks(&mut level, &fixed, most, true);
         }
-        let is = level.error(self.budget.thorough);
+        let is = level.error(self.budget.thorough);if super::knob("LAP",0.0)>0.0 {eprintln!("{was:?} {is:?} {:?}", level.prices);}
         if let Some(attributes) = &self.attributes {
             attributes::fit(&mut level, attributes, &fixed);
         }
-        follow::move_anchors(level.surface, level.lists, &mut self.anchors);
+        lap("rest");follow::move_anchors(level.surface, level.lists, &mut self.anchors);lap("anchors"); if super::knob("LAP",0.0)>0.0 {eprintln!(" ns/face of {nf}");}
         is.0 <= was.0 && is.1 <= was.1 * (1.0 + ROUNDING)
     }
 }

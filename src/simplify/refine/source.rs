@@ -1,9 +1,12 @@
 //! The source surface as refinement sees it: samples to be near to, and a way to find the closest point from a place nearby.
 
-use crate::bvh::Bvh;
+use super::nearest::Nearest;
 use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
+
+/// Most samples inside a face.
+const MOST_INSIDE: u32 = 64;
 
 /// A source surface in the unit frame, single precision: made once for a chain.
 #[derive(Debug)]
@@ -16,7 +19,7 @@ pub(crate) struct Source {
     pub samples: Vec<Sample>,
     /// The first so many samples are vertices.
     vertices: usize,
-    tree: Bvh,
+    nearest: Nearest,
     /// Where points may go.
     pub room: Room,
 }
@@ -25,7 +28,7 @@ pub(crate) struct Source {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sample {
     pub position: Vec3,
-    /// Area of a face there: samples lie as dense as faces do.
+    /// Area that it stands for.
     pub weight: f32,
     pub normal: Vec3,
     /// A face that has it.
@@ -41,52 +44,17 @@ pub(crate) struct Foot {
 }
 
 impl Source {
-    pub fn new(surface: &Surface) -> Self {
+    /// `inside`: samples inside faces, for each face in the mean.
+    pub fn new(surface: &Surface, inside: f32) -> Self {
         let points: Vec<Vec3> = surface.points.iter().map(|p| p.as_vec3()).collect();
         let faces: Vec<[u32; 3]> = surface.live_faces().map(|f| surface.face(f)).collect();
         let (starts, around) = gather_faces(points.len(), &faces);
-        let corners: Vec<[f32; 3]> = points.iter().map(|p| p.to_array()).collect();
-        let tree = Bvh::new(&corners, &faces);
         let room = Room::of(&surface.points);
-        let mut source = Self { points, faces, starts, around, samples: Vec::new(), vertices: 0, tree, room };
-        source.take_samples();
-        source
-    }
-
-    /// Vertices, where the peaks are, then edge midpoints and centroids, both in spatial order: every n-th of them cover the surface evenly and
-    /// neighbours lie side by side in memory.
-    fn take_samples(&mut self) {
-        let mut vertices: Vec<Sample> = Vec::with_capacity(self.points.len());
-        let mut between: Vec<Sample> = Vec::with_capacity(5 * self.faces.len() / 2);
-        let crosses: Vec<Vec3> = self.faces.iter().map(|&f| self.cross(f)).collect();
-        for (f, &face) in self.faces.iter().enumerate() {
-            let [a, b, c] = face.map(|p| self.points[p as usize]);
-            let (weight, normal, face_id) = (crosses[f].length() * 0.5, crosses[f].normalize_or_zero(), f as u32);
-            between.push(Sample { position: (a + b + c) / 3.0, weight, normal, face: face_id });
-            for (p, q) in [(face[0], face[1]), (face[1], face[2]), (face[2], face[0])] {
-                // Inner edges once.
-                if p < q {
-                    let position = (self.points[p as usize] + self.points[q as usize]) * 0.5;
-                    between.push(Sample { position, weight, normal, face: face_id });
-                }
-            }
-        }
-        for p in 0..self.points.len() {
-            let ring = &self.around[self.starts[p] as usize..self.starts[p + 1] as usize];
-            let Some(&face) = ring.first() else { continue };
-            let area: f32 = ring.iter().map(|&f| crosses[f as usize].length() * 0.5).sum();
-            let normal: Vec3 = ring.iter().map(|&f| crosses[f as usize]).sum();
-            let weight = area / ring.len() as f32;
-            vertices.push(Sample { position: self.points[p], weight, normal: normal.normalize_or_zero(), face });
-        }
-        self.vertices = vertices.len();
-        self.samples = sort_in_space(&vertices);
-        self.samples.extend(sort_in_space(&between));
-    }
-
-    fn cross(&self, face: [u32; 3]) -> Vec3 {
-        let [a, b, c] = face.map(|p| self.points[p as usize]);
-        (b - a).cross(c - a)
+        let (vertices, between) = take_samples(&points, &faces, inside);
+        let mut samples = sort_in_space(&vertices);
+        let nearest = Nearest::new(samples.iter().map(|s| s.position));
+        samples.extend(sort_in_space(&between));
+        Self { points, faces, starts, around, samples, vertices: vertices.len(), nearest, room }
     }
 
     /// The samples for a level: all vertices, and as many of the others as give `wanted`.
@@ -111,6 +79,7 @@ impl Source {
     pub fn walk(&self, x: Vec3, start: u32) -> Foot {
         const MOST_STEPS: usize = 100;
         if start as usize >= self.faces.len() {
+            // The search comes back with the face of a sample.
             return self.search(x, Foot { distance_squared: f32::INFINITY, point: x, face: start });
         }
         let (mut best, mut corner) = self.foot(x, start);
@@ -142,14 +111,11 @@ impl Source {
         best
     }
 
-    /// The closest of all points, where that is nearer than `known`.
+    /// The closest of all points, as far as a walk from the nearest vertex tells, where that is nearer than `known`.
     pub fn search(&self, x: Vec3, known: Foot) -> Foot {
-        let limit = f64::from(known.distance_squared.sqrt());
-        self.tree.closest(x.as_dvec3(), limit).map_or(known, |hit| Foot {
-            distance_squared: hit.distance_squared as f32,
-            point: hit.point.as_vec3(),
-            face: hit.triangle,
-        })
+        let Some(sample) = self.nearest.find(x, |s| self.samples[s].position) else { return known };
+        let found = self.walk(x, self.samples[sample].face);
+        if found.distance_squared < known.distance_squared { found } else { known }
     }
 
     fn improve(&self, x: Vec3, face: u32, best: &mut Foot, feature: &mut Feature) {
@@ -211,9 +177,59 @@ pub(crate) fn closest_point([a, b, c]: [Vec3; 3], x: Vec3) -> (Vec3, [f32; 3], F
     (a + ab * v + ac * w, [1.0 - v - w, v, w], Feature::Inside)
 }
 
+/// Vertices, where the peaks are, and places inside of faces, evenly by area: large faces have more of them. Both kinds share the area.
+fn take_samples(points: &[Vec3], faces: &[[u32; 3]], inside: f32) -> (Vec<Sample>, Vec<Sample>) {
+    let mut vertices: Vec<Sample> = points
+        .iter()
+        .map(|&position| Sample { position, weight: 0.0, normal: Vec3::ZERO, face: u32::MAX })
+        .collect();
+    let corners = |face: [u32; 3]| face.map(|p| points[p as usize]);
+    let crosses: Vec<Vec3> = faces
+        .iter()
+        .map(|&face| {
+            let [a, b, c] = corners(face);
+            (b - a).cross(c - a)
+        })
+        .collect();
+    let area: f64 = crosses.iter().map(|c| 0.5 * f64::from(c.length())).sum();
+    let wanted = f64::from(inside) * faces.len() as f64;
+    let share = (wanted / (wanted + points.len() as f64)) as f32;
+    let mut between = Vec::with_capacity(wanted as usize + 1);
+    let mut due = 0.5f64;
+    for (f, (&face, cross)) in faces.iter().zip(&crosses).enumerate() {
+        let face_area = 0.5 * cross.length();
+        for p in face {
+            let vertex = &mut vertices[p as usize];
+            vertex.normal += *cross;
+            vertex.weight += face_area * (1.0 - share) / 3.0;
+            vertex.face = f as u32;
+        }
+        due += if area > 0.0 { wanted * f64::from(face_area) / area } else { 0.0 };
+        let count = (due as u32).min(MOST_INSIDE);
+        due -= due.floor();
+        let [a, b, c] = corners(face);
+        let weight = area as f32 * share / wanted as f32;
+        between.extend((0..count).map(|k| {
+            let [u, v] = spread(k);
+            let position = a + (b - a) * u + (c - a) * v;
+            Sample { position, weight, normal: cross.normalize_or_zero(), face: f as u32 }
+        }));
+    }
+    vertices.retain(|v| v.face != u32::MAX);
+    vertices.iter_mut().for_each(|v| v.normal = v.normal.normalize_or_zero());
+    (vertices, between)
+}
+
+/// Weights of a triangle's second and third corner at the k-th of its places: evenly spread, the centroid first (Roberts' R₂ sequence, folded).
+fn spread(k: u32) -> [f32; 2] {
+    let at = |step: f64| (1.0 / 3.0 + f64::from(k) * step).fract() as f32;
+    let [u, v] = [at(0.754_877_666_246_692_8), at(0.569_840_290_998_053_3)];
+    if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }
+}
+
 fn sort_in_space(samples: &[Sample]) -> Vec<Sample> {
     let mut order: Vec<(u32, u32)> = samples.iter().zip(0..).map(|(s, i)| (spatial_key(s.position), i)).collect();
-    order.sort_unstable();
+    radsort::sort_by_key(&mut order, |&(key, _)| key);
     order.into_iter().map(|(_, i)| samples[i as usize]).collect()
 }
 
@@ -256,19 +272,38 @@ mod tests {
 
     #[test]
     fn samples_stand_for_the_whole_area() {
-        let source = Source::new(&Surface::new(&bumpy_sphere(8, 0.0)));
-        let faces = source.faces.len();
-        assert_eq!(source.samples.len(), source.points.len() + faces * 3 / 2 + faces);
-        let chosen = source.choose(faces);
-        let all: Vec<usize> = chosen.collect();
-        assert!((faces..2 * faces).contains(&all.len()), "{} of {faces}", all.len());
-        assert!((0..source.vertices).all(|v| all[v] == v));
+        let mut mesh = bumpy_sphere(8, 0.0);
+        // One face as large as many.
+        let corner = mesh.positions.len() as u32;
+        mesh.positions.extend([[1.5, -1.0, 0.0], [1.5, 1.0, 0.0], [1.5, 0.0, 1.0]]);
+        mesh.triangles.push([corner, corner + 1, corner + 2]);
+        let source = Source::new(&Surface::new(&mesh), 2.0);
+        let area = |f: u32| {
+            let [a, b, c] = source.triangle(f);
+            (b - a).cross(c - a).length() * 0.5
+        };
+        let (faces, last) = (source.faces.len() as u32, source.faces.len() as u32 - 1);
+        let whole: f32 = (0..faces).map(area).sum();
+        let of_samples: f32 = source.samples.iter().map(|s| s.weight).sum();
+        assert!((of_samples / whole - 1.0).abs() < 0.01, "{of_samples} of {whole}");
+        let inside = &source.samples[source.vertices..];
+        let on_last = inside.iter().filter(|s| s.face == last).count() as f32 / inside.len() as f32;
+        assert!((on_last / (area(last) / whole) - 1.0).abs() < 0.1, "{on_last}");
+        let all: Vec<usize> = source.choose(faces as usize).collect();
+        assert!(all.len() >= faces as usize && (0..source.vertices).all(|v| all[v] == v));
+    }
+
+    #[test]
+    fn places_are_spread_over_the_triangle() {
+        let [u, v] = (0..64).map(spread).fold([0.0; 2], |sum, s| [sum[0] + s[0] / 64.0, sum[1] + s[1] / 64.0]);
+        assert!((u - 1.0 / 3.0).abs() < 0.02 && (v - 1.0 / 3.0).abs() < 0.02, "{u} {v}");
+        assert!((0..64).map(spread).all(|[u, v]| u >= 0.0 && v >= 0.0 && u + v <= 1.0));
     }
 
     proptest! {
         #[test]
         fn a_walk_from_the_same_side_finds_the_closest_point(direction in prop::array::uniform3(-1.0f32..1.0), height in 1.0f32..1.3) {
-            let source = Source::new(&Surface::new(&bumpy_sphere(8, 0.0)));
+            let source = Source::new(&Surface::new(&bumpy_sphere(8, 0.0)), 1.0);
             let Some(direction) = Vec3::from(direction).try_normalize() else { return Ok(()) };
             let x = direction * height;
             let near = (0..source.faces.len() as u32)
