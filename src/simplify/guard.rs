@@ -3,6 +3,7 @@
 use super::Refusals;
 use super::cost::{Candidate, Cost};
 use super::fan::quality;
+use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::{Merge, holds};
@@ -47,10 +48,36 @@ impl Cause {
     }
 
     /// `candidate`'s cost with the fine, for an edge of this length; `None` if no fine buys the collapse. Where the surface is flat and the cost
-    /// nothing, the fine is still something: as much as a shape error of a hundredth of the length.
-    pub fn fined(self, cost: &dyn Cost, candidate: Candidate, length_squared: f64) -> Option<f64> {
-        let least = cost.weigh(length_squared, 1e-4 * length_squared);
+    /// nothing, the fine is still something.
+    pub fn fined(self, cost: &dyn Cost, candidate: Candidate, length_squared: f64, needles: Needles) -> Option<f64> {
+        let slope = if self == Self::Needle { needles.slope_squared } else { SLOPE_SQUARED };
+        let least = cost.weigh(length_squared, slope * length_squared);
         self.fine().map(|factor| factor * (candidate.cost + least))
+    }
+}
+
+/// Square of the height, relative to the edge, of an error that a fine is like at least.
+const SLOPE_SQUARED: f64 = 1e-4;
+
+/// Which faces are needles, and what they are fined for at least.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Needles {
+    /// Quality below which a face is one.
+    pub quality: f32,
+    slope_squared: f64,
+}
+
+impl Needles {
+    /// The papers know no needles, and only the worst are kept from them.
+    pub fn of(options: &Options) -> Self {
+        let (quality, slope_squared) = match (options.algorithm, options.placement, options.effort) {
+            (Algorithm::Esqem(Mode::Enhanced), Placement::Subset, _) => (0.18, SLOPE_SQUARED),
+            (Algorithm::Esqem(Mode::Enhanced), _, Effort::Fast) => (0.16, SLOPE_SQUARED),
+            // More faces are needles, so flat parts must not become dear.
+            (Algorithm::Esqem(Mode::Enhanced), ..) => (0.25, 1e-5),
+            _ => (0.06, SLOPE_SQUARED),
+        };
+        Self { quality, slope_squared }
     }
 }
 

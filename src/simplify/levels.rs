@@ -111,18 +111,10 @@ impl Builder<'_> {
         }
     }
 
-    /// The best levels start from the strict order: refinement does not make up for another one.
-    fn schedule(&self) -> Schedule {
-        match (self.options.schedule, &self.refiner, self.options.effort) {
-            (Schedule::Passes, Some(_), Effort::Best) => Schedule::Queue,
-            (schedule, ..) => schedule,
-        }
-    }
-
     fn reduce(&mut self, triangles: usize) -> Stop {
         while self.reducer.surface.face_count() > triangles {
             let before = self.reducer.surface.face_count();
-            match self.schedule() {
+            match self.options.schedule {
                 Schedule::Passes => passes::run(&mut self.reducer, &mut self.workspace, triangles),
                 Schedule::Queue => queue::drain(&mut self.reducer, triangles),
                 Schedule::Vertices => vertices::drain(&mut self.reducer, triangles),
@@ -206,10 +198,10 @@ impl Builder<'_> {
     fn reduce_and_refine(&mut self, triangles: usize) -> (Mesh, Stop) {
         let before = self.reducer.surface.face_count();
         let stop = self.reduce(triangles);
-        let Some(refiner) = self.refiner.as_mut().filter(|_| self.reducer.surface.face_count() < before) else {
+        let faces = self.reducer.surface.face_count();
+        let Some(refiner) = self.refiner.as_mut().filter(|refiner| faces < before && refiner.can_judge(faces)) else {
             return (self.level_mesh(), stop);
         };
-        if self.reducer.surface.face_count() as f32 > super::knob("SHARE", 1.0) * self.mesh.triangles.len() as f32 { return (self.level_mesh(), stop); }
         let mut surface = self.reducer.surface.clone();
         if refiner.refine(&mut surface, self.reducer.locked()) {
             self.reducer.adopt(surface);

@@ -85,13 +85,3 @@ pub struct Refusals {
     /// A seam or material border would end inside the surface.
     pub seam: u64,
 }
-
-pub(crate) fn knob(name: &str, default: f32) -> f32 {
-    use std::sync::{Mutex, OnceLock};
-    static K: OnceLock<Mutex<std::collections::HashMap<String, Option<f32>>>> = OnceLock::new();
-    let mut m = K.get_or_init(Default::default).lock().unwrap();
-    if let Some(v) = m.get(name) { return v.unwrap_or(default); }
-    let v = std::env::var(name).ok().map(|v| v.parse().unwrap());
-    m.insert(name.into(), v);
-    v.unwrap_or(default)
-}

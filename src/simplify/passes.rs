@@ -3,6 +3,7 @@
 
 use super::buckets::{Buckets, Entry};
 use super::cost::UNRANKED;
+use super::options::Effort;
 use super::prune::{self, Piece};
 use super::reducer::{Outcome, Reducer, Terms};
 use std::iter::Peekable;
@@ -11,12 +12,26 @@ use std::vec::IntoIter;
 /// Everything is looked at anew when so much of the faces is left.
 const REFILL: f64 = 0.4;
 
-/// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
-const REORDER: f32 = 2.0;
-/// Where refinement follows, which cannot make up for the order.
-const REORDER_CAREFUL: f32 = 1.1;
-/// For points that stay: which of them stay is all there is to choose.
-const REORDER_STAYING: f32 = 1.3;
+/// How closely the order of costs is kept.
+#[derive(Debug, Clone, Copy)]
+struct Order {
+    /// What edges are ranked at, relative to the estimate of their costs: that is mostly too high, and who comes too early waits for the real cost.
+    trust: f32,
+    /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
+    reorder: f32,
+}
+
+impl Order {
+    fn of(reducer: &Reducer) -> Self {
+        match (reducer.goes_to_ends(), reducer.effort()) {
+            // Which points stay is all there is to choose.
+            (true, _) => Self { trust: 1.0, reorder: 1.3 },
+            (_, Effort::Fast) => Self { trust: 1.0, reorder: 2.0 },
+            (_, Effort::Default) => Self { trust: 0.6, reorder: 1.1 },
+            (_, Effort::Best) => Self { trust: 0.4, reorder: 1.02 },
+        }
+    }
+}
 
 /// In the time of an entry whose cost has the fine in it.
 const PAID: u32 = 1 << 31;
@@ -87,8 +102,8 @@ impl Workspace {
     fn fill(&mut self, reducer: &mut Reducer) -> usize {
         reducer.refresh();
         reducer.rank(&mut self.costs);
-        let lb = super::knob("LB", 1.0);
-        if reducer.is_careful() { self.costs.iter_mut().for_each(|c| *c *= lb); }
+        let trust = Order::of(reducer).trust;
+        self.costs.iter_mut().for_each(|cost| *cost *= trust);
         self.queue.fill(&reducer.edges, &self.costs);
         // All that is needed of them is in the queue: on large meshes this is the most memory that is ever held.
         (reducer.edges, self.costs) = Default::default();
@@ -104,11 +119,7 @@ impl Workspace {
 
     /// Collapses down to `limit` faces, `target` at the end of all; gives whether there are so few now.
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize) -> bool {
-        let reorder = match (reducer.goes_to_ends(), reducer.is_careful()) {
-            (true, _) => REORDER_STAYING,
-            (_, true) => super::knob("RO", REORDER_CAREFUL),
-            _ => REORDER,
-        };
+        let reorder = Order::of(reducer).reorder;
         while reducer.surface.face_count() > limit {
             let Some((entry, cost)) = self.queue.pop() else { return false };
             let left = reducer.surface.face_count() - target;
@@ -154,12 +165,11 @@ impl Workspace {
         self.marks[gone as usize] = GONE;
         reducer.cost.update(&reducer.surface, kept);
         reducer.rank_joined(&mut self.around, &mut self.costs);
-        let lb = if reducer.is_careful() { super::knob("LB", 1.0) } else { 1.0 };
+        let trust = Order::of(reducer).trust;
         for (&other, &cost) in self.around.iter().zip(&self.costs) {
             self.marks[other as usize] |= STALE;
-            let cost = cost * lb;
             if cost < UNRANKED {
-                self.queue.push(cost, Entry { a: kept.min(other), b: kept.max(other), time: self.time });
+                self.queue.push(cost * trust, Entry { a: kept.min(other), b: kept.max(other), time: self.time });
             }
         }
     }

@@ -31,7 +31,7 @@ const CURVATURE_SCALE: f32 = 2.0;
 /// 1 − cos of the angle between the end normals of an edge that counts as flat.
 const FLAT_ANGLE: f32 = 0.02;
 /// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
-const LENGTH_COST: f32 = 1e-12;
+const LENGTH_COST: f32 = 1e-10;
 
 /// What a collapse to an end costs relative to its error by the old faces: the farthest one counts besides, see `ends`.
 const SWEPT: f32 = 1.3;

@@ -6,7 +6,7 @@ use super::cost::{AtEnds, Candidate, Cost, UNRANKED, pinned};
 use super::enhanced::Enhanced;
 use super::fan::Fan;
 use super::fms::Fms;
-use super::guard::{Cause, check_needles, check_remains, check_topology};
+use super::guard::{Cause, Needles, check_needles, check_remains, check_topology};
 use super::melax::Melax;
 use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use super::paper::Paper;
@@ -42,11 +42,10 @@ pub(crate) struct Reducer {
     /// The collapse in work: kept for its memory.
     merge: Merge,
     fan: Fan,
-    /// Quality below which a face is a needle.
-    needle: f32,
+    needles: Needles,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
-    careful: bool,
+    effort: Effort,
 }
 
 impl Reducer {
@@ -87,9 +86,9 @@ impl Reducer {
             solution: Solution::default(),
             merge: Merge::default(),
             fan: Fan::default(),
-            needle: needle_quality(options),
+            needles: Needles::of(options),
             to_ends,
-            careful: options.effort > Effort::Fast,
+            effort: options.effort,
         }
     }
 
@@ -115,9 +114,9 @@ impl Reducer {
         self.to_ends
     }
 
-    /// Whether the order of collapses is worth time.
-    pub fn is_careful(&self) -> bool {
-        self.careful
+    /// How much time a level may take.
+    pub fn effort(&self) -> Effort {
+        self.effort
     }
 
     /// Finds all edges as they are now, and has the cost look at them.
@@ -246,7 +245,7 @@ impl Reducer {
         if let Err(cause) = self.check(merge, candidate, terms) {
             self.refusals.count(cause);
             return cause
-                .fined(&*self.cost, candidate, along.length_squared())
+                .fined(&*self.cost, candidate, along.length_squared(), self.needles)
                 .map_or(Outcome::Refused, Outcome::Fined);
         }
         let solves = !self.to_ends && !self.surface.wedges.is_plain();
@@ -277,7 +276,7 @@ impl Reducer {
         check_remains(merge)?;
         let worst = self.fan.look(&self.surface, merge, candidate.position)?;
         if !terms.paid {
-            check_needles(&self.surface, merge, worst, self.needle)?;
+            check_needles(&self.surface, merge, worst, self.needles.quality)?;
             if self.irregular.is_either(merge.kept, merge.gone) {
                 check_topology(&self.surface, merge, &self.border)?;
             } else if !merge.keeps_regular() {
@@ -292,15 +291,6 @@ impl Reducer {
             return Err(if terms.paid { Cause::Unpaired } else { Cause::Seam });
         }
         Ok(())
-    }
-}
-
-/// Quality below which a face is a needle. The papers know no needles, and only the worst are kept from them.
-fn needle_quality(options: &Options) -> f32 {
-    match (options.algorithm, options.placement) {
-        (Algorithm::Esqem(Mode::Enhanced), Placement::Subset) => 0.18,
-        (Algorithm::Esqem(Mode::Enhanced), Placement::Optimal) => 0.16,
-        _ => 0.06,
     }
 }
 

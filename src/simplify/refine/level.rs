@@ -1,5 +1,6 @@
 //! A level under refinement: which samples each face stands for, and what its errors are worth.
 
+use super::Budget;
 use super::patch::{Appraisal, Patch};
 use super::peaks::find_worst;
 use super::prices::Prices;
@@ -76,6 +77,9 @@ pub(super) struct Level<'a> {
     /// For each point the closest of the source; face NONE for points without faces.
     pub feet: Vec<Foot>,
     pub prices: Prices,
+    pub budget: Budget,
+    /// For each face its largest squared distance, as [`Level::worst`] finds it; below 0 where nobody has asked.
+    pub worst: Vec<f32>,
 }
 
 impl Level<'_> {
@@ -113,16 +117,19 @@ impl Level<'_> {
     }
 
     /// Mean and largest squared distance of the samples and points; `thorough`: the largest of places on the faces, too.
-    pub fn error(&self, thorough: bool) -> (f32, f32) {
+    pub fn error(&mut self, thorough: bool) -> (f32, f32) {
         let (mut squares, mut area, mut worst) = (0.0f64, 0.0f64, 0.0f32);
-        for f in self.surface.live_faces() {
+        for f in 0..self.surface.face_slots() {
+            if !self.surface.is_live(f) {
+                continue;
+            }
             for s in self.lists.of(f) {
                 let (weight, squared) = (self.source.samples[s as usize].weight, self.lists.squared[s as usize]);
                 squares += f64::from(weight * squared);
                 area += f64::from(weight);
                 worst = worst.max(squared);
             }
-            worst = worst.max(if thorough { find_worst(self, f) } else { 0.0 });
+            worst = worst.max(if thorough { self.worst(f) } else { 0.0 });
         }
         for foot in &self.feet {
             worst = worst.max(foot.distance_squared);
@@ -130,13 +137,19 @@ impl Level<'_> {
         ((squares / area.max(f64::MIN_POSITIVE)) as f32, worst)
     }
 
+    /// The largest squared distance on a face, of samples and of places on it.
+    pub fn worst(&mut self, face: usize) -> f32 {
+        if self.worst[face] < 0.0 {
+            self.worst[face] = find_worst(self, face);
+        }
+        self.worst[face]
+    }
+
     /// Gives the patch's samples to `faces`, which are the triangles appraised last; `old` are the faces they came from.
     pub fn settle(&mut self, old: &[usize], faces: &[usize]) {
         for &f in old {
             self.lists.head[f] = NONE;
-        }
-        if self.lists.head.len() < self.surface.face_slots() {
-            self.lists.head.resize(self.surface.face_slots(), NONE);
+            self.worst[f] = -1.0;
         }
         for (id, squared, which) in self.patch.found() {
             self.lists.squared[id as usize] = squared;

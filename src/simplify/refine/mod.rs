@@ -54,18 +54,24 @@ pub(crate) struct Refiner {
 /// How much is done.
 #[derive(Debug, Clone, Copy)]
 struct Budget {
-    /// Samples inside faces of the source, for each face in the mean.
+    /// Samples inside faces of the source, for each face in the mean; all vertices are samples besides.
     inside: f32,
-    /// Samples a face of the level; all source vertices in any case.
+    /// Samples a face of the level at most, beyond the vertices.
     samples: f32,
     /// Rounds: a sweep over all edges and points, then the worst spots; after the last one more sweep.
     rounds: usize,
+    /// Relative gain that a step of a point has to promise.
+    promise: f32,
+    /// Lengths of a step that are tried in sweeps.
+    scales: usize,
     /// Share of the faces whose worst spots are worked on in a round.
     peaks: f32,
     /// Whether places between the samples are looked at to find the worst spots.
     thorough: bool,
 }
 
+/// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
+const FEWEST_SAMPLES: usize = 4;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
 const NEW_PEAK: f32 = 0.9;
 /// Relative difference of squared distances that is rounding.
@@ -74,8 +80,10 @@ const ROUNDING: f32 = 1e-5;
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => Self { inside: 2.0, samples: 8.0, rounds: 2, peaks: 0.04, thorough: true },
-            _ => Self { inside: 0.25, samples: 4.0, rounds: 1, peaks: 0.02, thorough: false },
+            Effort::Best => {
+                Self { inside: 4.0, samples: 16.0, rounds: 2, promise: 0.01, scales: 2, peaks: 0.04, thorough: true }
+            }
+            _ => Self { inside: 0.25, samples: 4.0, rounds: 1, promise: 0.02, scales: 1, peaks: 0.02, thorough: false },
         }
     }
 }
@@ -95,16 +103,19 @@ impl Refiner {
         }
     }
 
+    /// Whether there are enough samples to refine a level of so many faces.
+    pub fn can_judge(&self, faces: usize) -> bool {
+        self.source.samples.len() >= FEWEST_SAMPLES * faces
+    }
+
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
     /// whether the surface is nearer to the source than it was, by the mean and the largest distance of what was looked at.
     pub fn refine(&mut self, surface: &mut Surface, locked: &[bool]) -> bool {
-        let mut t0 = std::time::Instant::now(); let nf = surface.face_count() as f64;
-        let mut lap = |n: &str| { if super::knob("LAP",0.0)>0.0 { eprint!(" {n} {:.0}", t0.elapsed().as_nanos() as f64 / nf); t0 = std::time::Instant::now(); } };
         let fixed = find_fixed(surface, locked);
-        lap("fixed");let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
+        let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
         let chosen = self.source.choose(wanted);
         follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
-        lap("assign");let mut level = Level {
+        let mut level = Level {
             surface,
             source: &self.source,
             lists: &mut self.lists,
@@ -112,27 +123,30 @@ impl Refiner {
             feet: Vec::new(),
             fan: Fan::default(),
             prices: Prices::default(),
+            budget: self.budget,
+            worst: Vec::new(),
         };
+        level.worst.resize(level.surface.face_slots(), -1.0);
         level.prices = Prices::of_level(&level);
-        lap("prices");find_feet(&mut level);lap("feet");
+        find_feet(&mut level);
         let was = level.error(self.budget.thorough);
-        lap("error");let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
+        let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
         level.prices.set_peak(was.1 * NEW_PEAK);
         for _ in 0..self.budget.rounds {
-            sweep(&mut level, &fixed);lap("sweep");
+            sweep(&mut level, &fixed);
             let peak = peaks::lower_peaks(&mut level, &fixed, most, self.budget.thorough);
-            lap("peaks");level.prices.set_peak(peak * NEW_PEAK);
+            level.prices.set_peak(peak * NEW_PEAK);
         }
-        sweep(&mut level, &fixed);lap("sweep");
+        sweep(&mut level, &fixed);
         if self.budget.thorough {
             // Sweeps do not look at all places.
             peaks::lower_peaks(&mut level, &fixed, most, true);
         }
-        let is = level.error(self.budget.thorough);if super::knob("LAP",0.0)>0.0 {eprintln!("{was:?} {is:?} {:?}", level.prices);}
+        let is = level.error(self.budget.thorough);
         if let Some(attributes) = &self.attributes {
             attributes::fit(&mut level, attributes, &fixed);
         }
-        lap("rest");follow::move_anchors(level.surface, level.lists, &mut self.anchors);lap("anchors"); if super::knob("LAP",0.0)>0.0 {eprintln!(" ns/face of {nf}");}
+        follow::move_anchors(level.surface, level.lists, &mut self.anchors);
         is.0 <= was.0 && is.1 <= was.1 * (1.0 + ROUNDING)
     }
 }

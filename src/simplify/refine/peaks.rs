@@ -2,7 +2,6 @@
 
 use super::flip::try_flip;
 use super::level::{Level, Manner, centre, unit_normal};
-use super::probe::EDGE_PLACES;
 use super::relocate::relocate;
 use super::source::Foot;
 use crate::mesh::surface::Surface;
@@ -57,10 +56,13 @@ struct Peaks {
 }
 
 impl Peaks {
-    fn new(level: &Level, thorough: bool) -> Self {
-        let find = if thorough { find_worst } else { find_worst_known };
-        let rank = |f: usize| Ranked { squared: find(level, f).to_bits(), face: f as u32, stamp: 0 };
-        Self { heap: level.surface.live_faces().map(rank).collect(), stamps: vec![0; level.surface.face_slots()] }
+    fn new(level: &mut Level, thorough: bool) -> Self {
+        let faces: Vec<usize> = level.surface.live_faces().collect();
+        let mut rank = |f: usize| {
+            let worst = if thorough { level.worst(f) } else { find_worst_known(level, f) };
+            Ranked { squared: worst.to_bits(), face: f as u32, stamp: 0 }
+        };
+        Self { heap: faces.into_iter().map(&mut rank).collect(), stamps: vec![0; level.surface.face_slots()] }
     }
 
     fn pop(&mut self, level: &Level) -> Option<(usize, f32)> {
@@ -74,20 +76,20 @@ impl Peaks {
     }
 
     /// Ranks the faces at these points anew.
-    fn push_around(&mut self, level: &Level, points: &[u32]) {
+    fn push_around(&mut self, level: &mut Level, points: &[u32]) {
         let mut faces: Vec<usize> =
             points.iter().flat_map(|&p| level.surface.ring(p)).map(|&c| Surface::face_of(c)).collect();
         faces.sort_unstable();
         faces.dedup();
         for f in faces {
             self.stamps[f] += 1;
-            let squared = find_worst(level, f).to_bits();
+            let squared = level.worst(f).to_bits();
             self.heap.push(Ranked { squared, face: f as u32, stamp: self.stamps[f] });
         }
     }
 }
 
-/// The largest squared distance of a face's samples, corners, centre and places along its edges.
+/// The largest squared distance of a face's samples, corners, centre and middles of edges.
 pub(super) fn find_worst(level: &Level, face: usize) -> f32 {
     let triangle = level.triangle(face);
     let [a, b, c] = triangle;
@@ -99,7 +101,7 @@ pub(super) fn find_worst(level: &Level, face: usize) -> f32 {
     };
     look(centre(&triangle), feet[0].face);
     for (k, (p, q)) in [(a, b), (b, c), (c, a)].into_iter().enumerate() {
-        EDGE_PLACES.iter().for_each(|&(along, _)| look(p.lerp(q, along), feet[k].face));
+        look(p.midpoint(q), feet[k].face);
     }
     worst
 }

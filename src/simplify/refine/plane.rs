@@ -186,10 +186,7 @@ impl Plane {
         let (px, py, d) = (closer.bitselect(second[0], first), closer & second[1], d2.fast_min(d1));
         let closer = d3.simd_lt(d);
         let (px, py, d) = (closer.bitselect(third[0], px), closer.bitselect(third[1], py), d3.fast_min(d));
-        let inside = self.solid
-            & y.simd_ge(f32x4::ZERO)
-            & (ex * y).simd_ge(cy * bx)
-            & (cx * y).simd_le(cy * x);
+        let inside = self.solid & y.simd_ge(f32x4::ZERO) & (ex * y).simd_ge(cy * bx) & (cx * y).simd_le(cy * x);
         let places = Places { x: inside.bitselect(x, px), y: inside.bitselect(y, py) };
         (places, height * height + (d & !inside))
     }

@@ -12,9 +12,6 @@ const CENTRE_SHARE: f32 = 9.0 / 20.0;
 const MIDDLE_SHARE: f32 = 2.0 / 15.0;
 const CORNER_SHARE: f32 = 1.0 / 20.0;
 
-/// Places along an edge and their shares of what the edge stands for: where an edge crosses a ridge is anywhere.
-pub(super) const EDGE_PLACES: [(f32, f32); 3] = [(0.25, 0.25), (0.5, 0.5), (0.75, 0.25)];
-
 /// A place on the level that follows a point by the share `lever`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Probe {
@@ -41,25 +38,20 @@ impl Level<'_> {
             let normal = unit_normal(t);
             push(inner, area * CENTRE_SHARE, 1.0 / 3.0, self.look_back_from(inner, normal, foot.face));
             // The spoke's other face is part of the fan, too, wherever the fan is closed.
-            for (along, share) in EDGE_PLACES {
-                let place = t[0].lerp(t[1], along);
-                let foot = self.look_back_from(place, normal, foot.face);
-                push(place, area * MIDDLE_SHARE * 2.0 * share, 1.0 - along, foot);
-            }
+            let middle = t[0].midpoint(t[1]);
+            push(middle, area * MIDDLE_SHARE * 2.0, 0.5, self.look_back_from(middle, normal, foot.face));
         }
         probes
     }
 
-    /// Probes inside two faces that share an edge, whose samples are in the patch: their centres and places along that edge, which runs from the
+    /// Probes inside two faces that share an edge, whose samples are in the patch: their centres and the middle of that edge, which runs from the
     /// first to the second corner of the first. `start` is a source face near it.
     pub fn probe_pair(&self, pair: &[[Vec3; 3]; 2], start: u32) -> Probes {
         let areas = pair.map(|t| area(&t) * self.prices.density);
         let mut probes = Probes::new();
-        for (along, share) in EDGE_PLACES {
-            let place = pair[0][0].lerp(pair[0][1], along);
-            let foot = self.look_back_from(place, unit_normal(&pair[0]), start);
-            probes.push(Probe { place, area: (areas[0] + areas[1]) * MIDDLE_SHARE * share, lever: 0.0, foot });
-        }
+        let middle = pair[0][0].midpoint(pair[0][1]);
+        let foot = self.look_back_from(middle, unit_normal(&pair[0]), start);
+        probes.push(Probe { place: middle, area: (areas[0] + areas[1]) * MIDDLE_SHARE, lever: 0.0, foot });
         for (t, area) in pair.iter().zip(areas) {
             let place = centre(t);
             let foot = self.look_back_from(place, unit_normal(t), start);

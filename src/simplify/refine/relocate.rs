@@ -8,11 +8,10 @@ use super::level::{Fan, Level, Manner, area};
 use super::step::Step;
 use std::mem::take;
 
-/// Relative gain below which a step is noise, promised and kept.
-const LEAST_PROMISE: f32 = 2e-2;
+/// Relative gain below which a step is noise.
 const LEAST_GAIN: f32 = 2e-3;
-/// Lengths of the steps tried; in sweeps the first alone.
-const SCALES: [f32; 2] = [1.0, 0.4];
+/// Lengths of the steps tried; in sweeps as many as the budget has.
+pub(super) const SCALES: [f32; 2] = [1.0, 0.4];
 /// Cosine of the angle by which a face may turn.
 const TURN_COSINE: f32 = 0.3;
 /// Share of the faces' area that the point alone stands for.
@@ -43,10 +42,11 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
         step.add(foot.point - here, 1.0, level.prices.slope(own_area, foot.distance_squared));
     }
     let Some((step, promise)) = step.solve() else { return false };
-    if promise < before.cost * LEAST_PROMISE {
+    if promise < before.cost * level.budget.promise {
         return false;
     }
-    for &scale in if thorough { &SCALES[..] } else { &SCALES[..1] } {
+    let scales = if thorough { &SCALES[..] } else { &SCALES[..level.budget.scales] };
+    for &scale in scales {
         let new = here + step * scale;
         if !level.source.room.contains(new.as_dvec3()) {
             continue;

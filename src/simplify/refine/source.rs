@@ -179,10 +179,8 @@ pub(crate) fn closest_point([a, b, c]: [Vec3; 3], x: Vec3) -> (Vec3, [f32; 3], F
 
 /// Vertices, where the peaks are, and places inside of faces, evenly by area: large faces have more of them. Both kinds share the area.
 fn take_samples(points: &[Vec3], faces: &[[u32; 3]], inside: f32) -> (Vec<Sample>, Vec<Sample>) {
-    let mut vertices: Vec<Sample> = points
-        .iter()
-        .map(|&position| Sample { position, weight: 0.0, normal: Vec3::ZERO, face: u32::MAX })
-        .collect();
+    let mut vertices: Vec<Sample> =
+        points.iter().map(|&position| Sample { position, weight: 0.0, normal: Vec3::ZERO, face: u32::MAX }).collect();
     let corners = |face: [u32; 3]| face.map(|p| points[p as usize]);
     let crosses: Vec<Vec3> = faces
         .iter()
