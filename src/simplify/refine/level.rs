@@ -116,6 +116,11 @@ impl Level<'_> {
         self.patch.look(triangles, &self.prices)
     }
 
+    /// What the distances of a face's samples cost.
+    pub fn cost_of_distances(&self, face: usize) -> f32 {
+        self.lists.of(face).map(|s| self.source.samples[s as usize].weight * self.lists.squared[s as usize]).sum()
+    }
+
     /// Mean and largest squared distance of the samples and points; `thorough`: the largest of places on the faces, too.
     pub fn error(&mut self, thorough: bool) -> (f32, f32) {
         let (mut squares, mut area, mut worst) = (0.0f64, 0.0f64, 0.0f32);

@@ -1,6 +1,7 @@
 //! What errors cost: one sum in which distance, its peaks, turned normals and needles are weighed against each other.
 
 use super::level::{Level, area, unit_normal};
+use glam::Vec3;
 use wide::{CmpGt, f32x4};
 
 /// All turned normals together, relative to all distances.
@@ -87,9 +88,20 @@ impl Prices {
         area + if squared > self.peak { self.peak_area } else { 0.0 }
     }
 
+    /// Of a triangle.
+    pub fn of_shape(&self, triangle: &[Vec3; 3]) -> f32 {
+        self.of_shapes(f32x4::splat(quality(triangle))).as_array()[0]
+    }
+
     /// Of triangles of these qualities (4√3 · area / Σ edge²: 1 equilateral).
     pub fn of_shapes(&self, quality: f32x4) -> f32x4 {
         let lack = (f32x4::ONE - quality * f32x4::splat(1.0 / GOOD_QUALITY)).fast_max(f32x4::ZERO);
         lack * lack * f32x4::splat(self.needle)
     }
+}
+
+fn quality(triangle: &[Vec3; 3]) -> f32 {
+    let [a, b, c] = triangle;
+    let edges = a.distance_squared(*b) + b.distance_squared(*c) + c.distance_squared(*a);
+    if edges > 0.0 { 4.0 * 3f32.sqrt() * area(triangle) / edges } else { 0.0 }
 }
