@@ -36,7 +36,7 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> boo
         return false;
     }
     let mut before = level.gather(&faces, &old);
-    if turns(&old, &new) {
+    if !level.patch.can_judge() || turns(&old, &new) {
         return false;
     }
     let mut after = level.patch.attempt(&new, &level.prices);

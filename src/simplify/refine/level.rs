@@ -2,8 +2,8 @@
 
 use super::Budget;
 use super::patch::{Appraisal, Patch};
-use super::peaks::find_worst;
 use super::prices::Prices;
+use super::probe::Spots;
 use super::source::{Foot, Source};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
@@ -78,8 +78,8 @@ pub(super) struct Level<'a> {
     pub feet: Vec<Foot>,
     pub prices: Prices,
     pub budget: Budget,
-    /// For each face its largest squared distance, as [`Level::worst`] finds it; below 0 where nobody has asked.
-    pub worst: Vec<f32>,
+    /// Of each face, as far as they are known.
+    pub spots: Vec<Spots>,
 }
 
 impl Level<'_> {
@@ -121,40 +121,39 @@ impl Level<'_> {
         self.lists.of(face).map(|s| self.source.samples[s as usize].weight * self.lists.squared[s as usize]).sum()
     }
 
-    /// Mean and largest squared distance of the samples and points; `thorough`: the largest of places on the faces, too.
-    pub fn error(&mut self, thorough: bool) -> (f32, f32) {
-        let (mut squares, mut area, mut worst) = (0.0f64, 0.0f64, 0.0f32);
+    /// Mean squared distance, both ways, and the largest squared one.
+    pub fn error(&mut self) -> (f32, f32) {
+        let (mut forth, mut weight, mut back, mut whole, mut worst) = (0.0f64, 0.0f64, 0.0f64, 0.0f64, 0.0f32);
         for f in 0..self.surface.face_slots() {
             if !self.surface.is_live(f) {
                 continue;
             }
             for s in self.lists.of(f) {
-                let (weight, squared) = (self.source.samples[s as usize].weight, self.lists.squared[s as usize]);
-                squares += f64::from(weight * squared);
-                area += f64::from(weight);
-                worst = worst.max(squared);
+                forth += f64::from(self.source.samples[s as usize].weight * self.lists.squared[s as usize]);
+                weight += f64::from(self.source.samples[s as usize].weight);
             }
-            worst = worst.max(if thorough { self.worst(f) } else { 0.0 });
+            let spots = self.spots(f);
+            back += f64::from(spots.squares);
+            whole += f64::from(area(&self.triangle(f)));
+            worst = worst.max(spots.worst);
         }
-        for foot in &self.feet {
-            worst = worst.max(foot.distance_squared);
-        }
-        ((squares / area.max(f64::MIN_POSITIVE)) as f32, worst)
+        let mean = |squares: f64, area: f64| squares / area.max(f64::MIN_POSITIVE);
+        (mean(forth, weight).midpoint(mean(back, whole)) as f32, worst)
     }
 
-    /// The largest squared distance on a face, of samples and of places on it.
-    pub fn worst(&mut self, face: usize) -> f32 {
-        if self.worst[face] < 0.0 {
-            self.worst[face] = find_worst(self, face);
+    /// How far a face is from the source.
+    pub fn spots(&mut self, face: usize) -> Spots {
+        if self.spots[face].worst < 0.0 {
+            self.spots[face] = self.find_spots(face);
         }
-        self.worst[face]
+        self.spots[face]
     }
 
     /// Gives the patch's samples to `faces`, which are the triangles appraised last; `old` are the faces they came from.
     pub fn settle(&mut self, old: &[usize], faces: &[usize]) {
         for &f in old {
             self.lists.head[f] = NONE;
-            self.worst[f] = -1.0;
+            self.spots[f] = Spots::UNKNOWN;
         }
         for (id, squared, which) in self.patch.found() {
             self.lists.squared[id as usize] = squared;

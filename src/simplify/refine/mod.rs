@@ -36,6 +36,7 @@ use glam::Vec3;
 use level::{Fan, Level, Lists, Manner, NONE};
 use patch::Patch;
 use prices::Prices;
+use probe::Spots;
 pub(super) use source::closest_point;
 use source::{Foot, Source};
 
@@ -66,12 +67,10 @@ struct Budget {
     scales: usize,
     /// Share of the faces whose worst spots are worked on in a round.
     peaks: f32,
-    /// Whether places between the samples are looked at to find the worst spots.
-    thorough: bool,
 }
 
 /// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
-const FEWEST_SAMPLES: usize = 4;
+const FEWEST_SAMPLES: usize = 6;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
 const NEW_PEAK: f32 = 0.9;
 /// Relative difference of squared distances that is rounding.
@@ -80,10 +79,8 @@ const ROUNDING: f32 = 1e-5;
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => {
-                Self { inside: 4.0, samples: 16.0, rounds: 2, promise: 0.01, scales: 2, peaks: 0.04, thorough: true }
-            }
-            _ => Self { inside: 0.25, samples: 4.0, rounds: 1, promise: 0.02, scales: 1, peaks: 0.02, thorough: false },
+            Effort::Best => Self { inside: 4.0, samples: 16.0, rounds: 2, promise: 0.01, scales: 2, peaks: 0.04 },
+            _ => Self { inside: 0.5, samples: 4.0, rounds: 1, promise: 0.02, scales: 1, peaks: 0.02 },
         }
     }
 }
@@ -124,25 +121,21 @@ impl Refiner {
             fan: Fan::default(),
             prices: Prices::default(),
             budget: self.budget,
-            worst: Vec::new(),
+            spots: Vec::new(),
         };
-        level.worst.resize(level.surface.face_slots(), -1.0);
+        level.spots.resize(level.surface.face_slots(), Spots::UNKNOWN);
         level.prices = Prices::of_level(&level);
         find_feet(&mut level);
-        let was = level.error(self.budget.thorough);
+        let was = level.error();
         let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
         level.prices.set_peak(was.1 * NEW_PEAK);
         for _ in 0..self.budget.rounds {
             sweep(&mut level, &fixed);
-            let peak = peaks::lower_peaks(&mut level, &fixed, most, self.budget.thorough);
+            let peak = peaks::lower_peaks(&mut level, &fixed, most);
             level.prices.set_peak(peak * NEW_PEAK);
         }
         sweep(&mut level, &fixed);
-        if self.budget.thorough {
-            // Sweeps do not look at all places.
-            peaks::lower_peaks(&mut level, &fixed, most, true);
-        }
-        let is = level.error(self.budget.thorough);
+        let is = level.error();
         if let Some(attributes) = &self.attributes {
             attributes::fit(&mut level, attributes, &fixed);
         }

@@ -13,6 +13,9 @@ use wide::{CmpGt, CmpLt, f32x4};
 
 const LANES: usize = 4;
 
+/// Samples a face below which nothing moves.
+const FEWEST_SAMPLES: usize = 2;
+
 /// Four samples of one face.
 #[derive(Debug, Clone, Copy)]
 struct Block {
@@ -84,6 +87,12 @@ impl Patch {
         block.nearest.as_mut_array()[lane] = squared;
         block.ids[lane] = id;
         self.taken += 1;
+    }
+
+    /// Whether there are enough samples to judge other triangles by.
+    pub fn can_judge(&self) -> bool {
+        let samples: usize = self.blocks.iter().map(|b| b.ids.iter().filter(|&&id| id != NONE).count()).sum();
+        samples >= FEWEST_SAMPLES * self.starts.len()
     }
 
     /// Each sample with its squared distance and the index of its triangle.

@@ -1,11 +1,9 @@
 //! The worst spots: where the level is farthest from the source, in either direction, edges flip and points move.
 
 use super::flip::try_flip;
-use super::level::{Level, Manner, centre, unit_normal};
+use super::level::{Level, Manner};
 use super::relocate::relocate;
-use super::source::Foot;
 use crate::mesh::surface::Surface;
-use glam::Vec3;
 use smallvec::SmallVec;
 use std::collections::BinaryHeap;
 
@@ -20,10 +18,10 @@ struct Ranked {
     stamp: u32,
 }
 
-/// Works on up to `most` spots, the worst first. Not `thorough`: those that samples and points tell of. Gives the largest squared distance left.
-pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, thorough: bool) -> f32 {
+/// Works on up to `most` spots, the worst first. Gives the largest squared distance left.
+pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize) -> f32 {
     let mut left = 0.0f32;
-    let mut peaks = Peaks::new(level, thorough);
+    let mut peaks = Peaks::new(level);
     for _ in 0..most {
         let Some((face, squared)) = peaks.pop(level) else { break };
         level.prices.set_peak(squared * PEAK_SHARE);
@@ -56,13 +54,10 @@ struct Peaks {
 }
 
 impl Peaks {
-    fn new(level: &mut Level, thorough: bool) -> Self {
+    fn new(level: &mut Level) -> Self {
         let faces: Vec<usize> = level.surface.live_faces().collect();
-        let mut rank = |f: usize| {
-            let worst = if thorough { level.worst(f) } else { find_worst_known(level, f) };
-            Ranked { squared: worst.to_bits(), face: f as u32, stamp: 0 }
-        };
-        Self { heap: faces.into_iter().map(&mut rank).collect(), stamps: vec![0; level.surface.face_slots()] }
+        let rank = |f: usize| Ranked { squared: level.spots(f).worst.to_bits(), face: f as u32, stamp: 0 };
+        Self { heap: faces.into_iter().map(rank).collect(), stamps: vec![0; level.surface.face_slots()] }
     }
 
     fn pop(&mut self, level: &Level) -> Option<(usize, f32)> {
@@ -83,44 +78,8 @@ impl Peaks {
         faces.dedup();
         for f in faces {
             self.stamps[f] += 1;
-            let squared = level.worst(f).to_bits();
+            let squared = level.spots(f).worst.to_bits();
             self.heap.push(Ranked { squared, face: f as u32, stamp: self.stamps[f] });
         }
     }
-}
-
-/// The largest squared distance of a face's samples, corners, centre and middles of edges.
-pub(super) fn find_worst(level: &Level, face: usize) -> f32 {
-    let triangle = level.triangle(face);
-    let [a, b, c] = triangle;
-    let normal = unit_normal(&triangle);
-    let feet = level.surface.face(face).map(|p| level.foot(p));
-    let mut worst = find_worst_known(level, face);
-    let mut look = |place: Vec3, start: u32| {
-        worst = worst.max(look_back(level, face, place, normal, start).distance_squared);
-    };
-    look(centre(&triangle), feet[0].face);
-    for (k, (p, q)) in [(a, b), (b, c), (c, a)].into_iter().enumerate() {
-        look(p.midpoint(q), feet[k].face);
-    }
-    worst
-}
-
-/// The largest squared distance of a face's samples and corners.
-fn find_worst_known(level: &Level, face: usize) -> f32 {
-    let samples = level.lists.of(face).map(|s| level.lists.squared[s as usize]);
-    samples.chain(level.surface.face(face).map(|p| level.foot(p).distance_squared)).fold(0.0, f32::max)
-}
-
-/// The source's closest point to a place on a face, from the face's nearest sample that looks its way or else from `start`.
-fn look_back(level: &Level, face: usize, place: Vec3, normal: Vec3, start: u32) -> Foot {
-    let mut best = (f32::INFINITY, start);
-    for s in level.lists.of(face) {
-        let sample = &level.source.samples[s as usize];
-        let squared = sample.position.distance_squared(place);
-        if squared < best.0 && sample.normal.dot(normal) > 0.0 {
-            best = (squared, sample.face);
-        }
-    }
-    level.look_back(place, best.1)
 }

@@ -21,6 +21,19 @@ pub(super) struct Probe {
     pub foot: Foot,
 }
 
+/// How far a face is from the source.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Spots {
+    /// The largest squared distance of its samples and places; below 0 if nobody has looked.
+    pub worst: f32,
+    /// The integral of the squared distances of its places.
+    pub squares: f32,
+}
+
+impl Spots {
+    pub const UNKNOWN: Self = Self { worst: -1.0, squares: 0.0 };
+}
+
 pub(super) type Probes = SmallVec<[Probe; 32]>;
 
 impl Level<'_> {
@@ -77,5 +90,35 @@ impl Level<'_> {
         for p in probes {
             step.add(p.foot.point - p.place, p.lever, self.prices.slope(p.area, p.foot.distance_squared));
         }
+    }
+    /// Looks at a face: its samples, corners, centre and middles of edges.
+    pub fn find_spots(&self, face: usize) -> Spots {
+        let triangle = self.triangle(face);
+        let [a, b, c] = triangle;
+        let (area, normal) = (area(&triangle), unit_normal(&triangle));
+        let feet = self.surface.face(face).map(|p| self.foot(p));
+        let corners = feet.map(|foot| foot.distance_squared);
+        let middles = [(a, b, 0), (b, c, 1), (c, a, 2)]
+            .map(|(p, q, k)| self.look_back_on(face, p.midpoint(q), normal, feet[k].face).distance_squared);
+        let inner = self.look_back_on(face, centre(&triangle), normal, feet[0].face).distance_squared;
+        let samples = self.lists.of(face).map(|s| self.lists.squared[s as usize]);
+        let sum = |squares: [f32; 3]| squares.iter().sum::<f32>();
+        Spots {
+            worst: samples.chain(corners).chain(middles).fold(inner, f32::max),
+            squares: area * (inner * CENTRE_SHARE + sum(middles) * MIDDLE_SHARE + sum(corners) * CORNER_SHARE),
+        }
+    }
+
+    /// The source's closest point to a place on a face, from the face's nearest sample that looks its way or else from `start`.
+    fn look_back_on(&self, face: usize, place: Vec3, normal: Vec3, start: u32) -> Foot {
+        let mut best = (f32::INFINITY, start);
+        for s in self.lists.of(face) {
+            let sample = &self.source.samples[s as usize];
+            let squared = sample.position.distance_squared(place);
+            if squared < best.0 && sample.normal.dot(normal) > 0.0 {
+                best = (squared, sample.face);
+            }
+        }
+        self.look_back(place, best.1)
     }
 }

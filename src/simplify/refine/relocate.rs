@@ -31,6 +31,9 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
     let (here, foot) = (fan.triangles[0][0], level.foot(p));
     let own_area = fan.triangles.iter().map(area).sum::<f32>() * level.prices.density * POINT_SHARE;
     let mut before = level.gather(&fan.faces, &fan.triangles);
+    if !level.patch.can_judge() {
+        return false;
+    }
     let mut step = Step::default();
     level.patch.add_to(&mut step, &level.prices);
     if thorough {

@@ -5,9 +5,6 @@ use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
 
-/// Most samples inside a face.
-const MOST_INSIDE: u32 = 64;
-
 /// A source surface in the unit frame, single precision: made once for a chain.
 #[derive(Debug)]
 pub(crate) struct Source {
@@ -57,10 +54,11 @@ impl Source {
         Self { points, faces, starts, around, samples, vertices: vertices.len(), nearest, room }
     }
 
-    /// The samples for a level: all vertices, and as many of the others as give `wanted`.
+    /// The samples for a level: all vertices, and as many of the others as give `wanted`, but half as many at least: vertices do not tell of what
+    /// lies between them.
     pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
         let (vertices, all) = (self.vertices, self.samples.len());
-        let others = wanted.saturating_sub(vertices);
+        let others = wanted.saturating_sub(vertices).max(wanted / 2);
         let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
         (0..vertices).chain((vertices..all).step_by(stride))
     }
@@ -203,7 +201,7 @@ fn take_samples(points: &[Vec3], faces: &[[u32; 3]], inside: f32) -> (Vec<Sample
             vertex.face = f as u32;
         }
         due += if area > 0.0 { wanted * f64::from(face_area) / area } else { 0.0 };
-        let count = (due as u32).min(MOST_INSIDE);
+        let count = due as u32;
         due -= due.floor();
         let [a, b, c] = corners(face);
         let weight = area as f32 * share / wanted as f32;
