@@ -102,13 +102,27 @@ impl Refiner {
 
     /// Whether there are enough samples to refine a level of so many faces.
     pub fn can_judge(&self, faces: usize) -> bool {
-        self.source.samples.len() >= FEWEST_SAMPLES * faces
+        self.source.judges().start >= FEWEST_SAMPLES * faces
+    }
+
+    /// Mean and largest squared distance of the samples that are held out.
+    fn judge(&mut self, surface: &Surface) -> (f32, f32) {
+        let judges = self.source.judges();
+        follow::assign(surface, &self.source, &mut self.anchors, judges.clone(), &mut self.lists, &mut self.patch);
+        let (mut squares, mut count, mut worst) = (0.0f64, 0usize, 0.0f32);
+        for squared in judges.map(|s| self.lists.squared[s]).filter(|squared| squared.is_finite()) {
+            squares += f64::from(squared);
+            count += 1;
+            worst = worst.max(squared);
+        }
+        ((squares / count.max(1) as f64) as f32, worst)
     }
 
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
-    /// whether the surface is nearer to the source than it was, by the mean and the largest distance of what was looked at.
+    /// whether the surface is nearer to the source than it was, by the mean and the largest distance, both ways, of what was looked at, and of samples that no move knows.
     pub fn refine(&mut self, surface: &mut Surface, locked: &[bool]) -> bool {
         let fixed = find_fixed(surface, locked);
+        let judged = self.judge(surface);
         let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
         let chosen = self.source.choose(wanted);
         follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
@@ -140,7 +154,11 @@ impl Refiner {
             attributes::fit(&mut level, attributes, &fixed);
         }
         follow::move_anchors(level.surface, level.lists, &mut self.anchors);
-        is.0 <= was.0 && is.1 <= was.1 * (1.0 + ROUNDING)
+        let [judged, now] = [judged, self.judge(surface)];
+        is.0 <= was.0
+            && is.1 <= was.1 * (1.0 + ROUNDING)
+            && now.0 <= judged.0
+            && now.1 <= judged.1.max(was.1) * (1.0 + ROUNDING)
     }
 }
 

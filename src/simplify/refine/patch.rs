@@ -9,7 +9,7 @@ use super::step::Step;
 use crate::lanes::{Vec3x4, dot, minus};
 use glam::Vec3;
 use std::ops::Range;
-use wide::{CmpGt, CmpLt, f32x4};
+use wide::f32x4;
 
 const LANES: usize = 4;
 

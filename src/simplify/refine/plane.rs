@@ -3,7 +3,7 @@
 use super::prices::Prices;
 use crate::lanes::{Vec3x4, cross, dot, gather, minus};
 use glam::Vec3;
-use wide::{CmpGe, CmpGt, CmpLe, CmpLt, f32x4};
+use wide::f32x4;
 
 const LANES: usize = 4;
 

@@ -2,7 +2,7 @@
 
 use super::level::{Level, area, unit_normal};
 use glam::Vec3;
-use wide::{CmpGt, f32x4};
+use wide::f32x4;
 
 /// All turned normals together, relative to all distances.
 const NORMAL_SHARE: f32 = 0.6;

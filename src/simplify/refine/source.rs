@@ -5,6 +5,9 @@ use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
 
+/// One in so many samples inside faces is held out.
+const HELD_OUT: usize = 3;
+
 /// A source surface in the unit frame, single precision: made once for a chain.
 #[derive(Debug)]
 pub(crate) struct Source {
@@ -14,8 +17,9 @@ pub(crate) struct Source {
     starts: Vec<u32>,
     around: Vec<u32>,
     pub samples: Vec<Sample>,
-    /// The first so many samples are vertices.
+    /// The first so many samples are vertices; those from `held_out` on are for judging what the others have led to.
     vertices: usize,
+    held_out: usize,
     nearest: Nearest,
     /// Where points may go.
     pub room: Room,
@@ -50,17 +54,27 @@ impl Source {
         let (vertices, between) = take_samples(&points, &faces, inside);
         let mut samples = sort_in_space(&vertices);
         let nearest = Nearest::new(samples.iter().map(|s| s.position));
-        samples.extend(sort_in_space(&between));
-        Self { points, faces, starts, around, samples, vertices: vertices.len(), nearest, room }
+        let is_held_out = |&(k, _): &(usize, &Sample)| k % HELD_OUT == HELD_OUT - 1;
+        let between = sort_in_space(&between);
+        let (judges, others): (Vec<_>, Vec<_>) = between.iter().enumerate().partition(is_held_out);
+        samples.extend(others.into_iter().map(|(_, s)| s));
+        let held_out = samples.len();
+        samples.extend(judges.into_iter().map(|(_, s)| s));
+        Self { points, faces, starts, around, samples, vertices: vertices.len(), held_out, nearest, room }
     }
 
     /// The samples for a level: all vertices, and as many of the others as give `wanted`, but half as many at least: vertices do not tell of what
     /// lies between them.
     pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
-        let (vertices, all) = (self.vertices, self.samples.len());
+        let (vertices, all) = (self.vertices, self.held_out);
         let others = wanted.saturating_sub(vertices).max(wanted / 2);
         let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
         (0..vertices).chain((vertices..all).step_by(stride))
+    }
+
+    /// The samples that no move knows.
+    pub fn judges(&self) -> std::ops::Range<usize> {
+        self.held_out..self.samples.len()
     }
 
     /// Positions of a face.

@@ -3,6 +3,7 @@ use super::super::options::{EdgePolicy, Options};
 use super::super::passes::{Workspace, run};
 use super::super::reducer::Reducer;
 use super::*;
+use crate::measure::{Ruler, Sampling};
 use crate::mesh::edges::Edge;
 use crate::mesh::{Attribute, Mesh, Semantic};
 use proptest::prelude::*;
@@ -98,6 +99,31 @@ fn levels_come_nearer_and_best_at_least_as_near() {
     let [default, best] = distances;
     assert!(default[0] < 0.99 && default[1] < 0.95, "{default:?}");
     assert!(best[0] < default[0] && best[1] < default[1], "{best:?} {default:?}");
+}
+
+/// What refinement keeps is no worse by the ruler, which knows nothing of its samples: the mean never, the maximum but for what is between samples.
+#[test]
+fn levels_are_never_worse_by_the_ruler() {
+    let relief: Vec<f32> =
+        (0..41 * 41).map(|i| ((i % 41) as f32 * 0.7).sin() * ((i / 41) as f32 * 0.4).cos() * 0.03).collect();
+    let steps: Vec<f32> = (0..41 * 41).map(|i| if (i % 41 + i / 41) % 14 < 7 { 0.05 } else { 0.0 }).collect();
+    let meshes = [bumpy_sphere(20, 0.1), bumpy_sphere(16, 0.0), sheet(40, &relief), sheet(40, &steps)];
+    let mut kept = 0;
+    for (mesh, effort) in meshes.iter().flat_map(|mesh| [(mesh, Effort::Default), (mesh, Effort::Best)]) {
+        let ruler = Ruler::new(mesh, Sampling { samples: 20_000, seed: 1 });
+        for share in [0.12, 0.05, 0.02] {
+            let target = (share * mesh.triangles.len() as f64) as usize;
+            let (reducer, mut refiner) = collapse(mesh, &Options { effort, ..Options::default() }, target);
+            let mut surface = reducer.surface.clone();
+            if refiner.refine(&mut surface, reducer.locked()) {
+                kept += 1;
+                let (was, is) = (ruler.measure(&reducer.surface.to_mesh()), ruler.measure(&surface.to_mesh()));
+                assert!(is.rms() <= was.rms() * 1.01, "{} {}", is.rms(), was.rms());
+                assert!(is.hausdorff() <= was.hausdorff() * 1.2, "{} {}", is.hausdorff(), was.hausdorff());
+            }
+        }
+    }
+    assert!(kept >= 12, "{kept} of 24");
 }
 
 #[test]
