@@ -91,21 +91,24 @@ impl Level<'_> {
             step.add(p.foot.point - p.place, p.lever, self.prices.slope(p.area, p.foot.distance_squared));
         }
     }
-    /// Looks at a face: its samples, corners, centre and middles of edges.
+    /// Looks at a face: its samples, corners, centre and the middles of the edges that the other face leaves to it.
     pub fn find_spots(&self, face: usize) -> Spots {
         let triangle = self.triangle(face);
         let [a, b, c] = triangle;
         let (area, normal) = (area(&triangle), unit_normal(&triangle));
         let feet = self.surface.face(face).map(|p| self.foot(p));
         let corners = feet.map(|foot| foot.distance_squared);
-        let middles = [(a, b, 0), (b, c, 1), (c, a, 2)]
-            .map(|(p, q, k)| self.look_back_on(face, p.midpoint(q), normal, feet[k].face).distance_squared);
+        let own = self.surface.face(face);
+        let middles = [(a, b, 0), (b, c, 1), (c, a, 2)].map(|(p, q, k)| {
+            let is_mine = own[k] < own[(k + 1) % 3];
+            if is_mine { self.look_back_on(face, p.midpoint(q), normal, feet[k].face).distance_squared } else { 0.0 }
+        });
         let inner = self.look_back_on(face, centre(&triangle), normal, feet[0].face).distance_squared;
         let samples = self.lists.of(face).map(|s| self.lists.squared[s as usize]);
         let sum = |squares: [f32; 3]| squares.iter().sum::<f32>();
         Spots {
             worst: samples.chain(corners).chain(middles).fold(inner, f32::max),
-            squares: area * (inner * CENTRE_SHARE + sum(middles) * MIDDLE_SHARE + sum(corners) * CORNER_SHARE),
+            squares: area * (inner * CENTRE_SHARE + sum(middles) * 2.0 * MIDDLE_SHARE + sum(corners) * CORNER_SHARE),
         }
     }
 
