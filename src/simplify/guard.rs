@@ -74,7 +74,7 @@ impl Needles {
             (Algorithm::Esqem(Mode::Enhanced), Placement::Subset, _) => (0.18, SLOPE_SQUARED),
             (Algorithm::Esqem(Mode::Enhanced), _, Effort::Fast) => (0.16, SLOPE_SQUARED),
             // More faces are needles, so flat parts must not become dear.
-            (Algorithm::Esqem(Mode::Enhanced), ..) => (0.25, 1e-5),
+            (Algorithm::Esqem(Mode::Enhanced), ..) => (0.28, 1e-5),
             _ => (0.06, SLOPE_SQUARED),
         };
         Self { quality, slope_squared }
