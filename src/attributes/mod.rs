@@ -18,6 +18,7 @@ mod solution;
 pub(crate) use metric::Metric;
 pub(crate) use solution::{Solution, fill_midpoint};
 
+use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 use smallvec::SmallVec;
@@ -38,4 +39,9 @@ fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
         }
     }
     wedges
+}
+
+/// Whether an attribute says where else the surface may be: then its errors are errors of the shape.
+fn is_displacement(semantic: Semantic) -> bool {
+    matches!(semantic, Semantic::MorphPosition(_) | Semantic::Pose(_))
 }

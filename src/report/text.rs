@@ -1,6 +1,8 @@
 //! The report for people: a table for each file, one line for the run.
 
-use super::model::{BrokenGate, FileReport, LevelReport, MeshReport, Ratio, RefusalCounts, Report, Status};
+use super::model::{
+    BrokenGate, FileReport, LevelReport, MeshReport, PosedFigures, Ratio, RefusalCounts, Report, Status,
+};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -121,12 +123,17 @@ fn describe_level(number: usize, levels: &[&LevelReport]) -> [String; 9] {
 }
 
 fn tabulate_comparison(mesh: &MeshReport) -> String {
-    let heads = ["level", "triangles", "rms %", "hausdorff %", "normal °", "gaps", "rms ×", "hausd. ×", ""];
+    let heads =
+        ["level", "triangles", "rms %", "hausdorff %", "normal °", "posed rms %", "gaps", "rms ×", "hausd. ×", ""];
     let mut settings: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     let mut table = start_table(&heads);
     for level in &mesh.levels {
         let Some(theirs) = &level.baseline else { continue };
         let pair = |ours: f64, theirs: f64| format!("{} / {}", significant(ours), significant(theirs));
+        let posed = |ours: Option<PosedFigures>, theirs: Option<PosedFigures>| match (ours, theirs) {
+            (Some(ours), Some(theirs)) => pair(ours.rms_percent, theirs.rms_percent),
+            _ => "-".to_owned(),
+        };
         let star = if theirs.reached { "" } else { "*" };
         settings.entry(theirs.settings.as_str()).or_default().push(level.level.to_string());
         add_row(
@@ -137,6 +144,7 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
                 pair(level.error.rms_percent, theirs.error.rms_percent),
                 pair(level.error.hausdorff_percent, theirs.error.hausdorff_percent),
                 pair(level.normal_deg, theirs.normal_deg),
+                posed(level.posed, theirs.posed),
                 format!("{} / {}", level.gap_edges, theirs.gap_edges),
                 significant(theirs.ratio.rms),
                 significant(theirs.ratio.hausdorff),
