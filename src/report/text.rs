@@ -1,8 +1,6 @@
 //! The report for people: a table for each file, one line for the run.
 
-use super::model::{
-    BrokenGate, FileReport, LevelReport, MeshReport, PosedFigures, Ratio, RefusalCounts, Report, Status,
-};
+use super::model::{BrokenGate, FileReport, LevelReport, MeshReport, Ratio, RefusalCounts, Report, Status};
 use comfy_table::{Cell, CellAlignment, Table, presets};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -123,17 +121,11 @@ fn describe_level(number: usize, levels: &[&LevelReport]) -> [String; 9] {
 }
 
 fn tabulate_comparison(mesh: &MeshReport) -> String {
-    let heads =
-        ["level", "triangles", "rms %", "hausdorff %", "normal °", "posed rms %", "gaps", "rms ×", "hausd. ×", ""];
+    let heads = ["level", "triangles", "rms %", "hausdorff %", "normal °", "gaps", "rms ×", "hausd. ×", ""];
     let mut settings: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     let mut table = start_table(&heads);
     for level in &mesh.levels {
         let Some(theirs) = &level.baseline else { continue };
-        let pair = |ours: f64, theirs: f64| format!("{} / {}", significant(ours), significant(theirs));
-        let posed = |ours: Option<PosedFigures>, theirs: Option<PosedFigures>| match (ours, theirs) {
-            (Some(ours), Some(theirs)) => pair(ours.rms_percent, theirs.rms_percent),
-            _ => "-".to_owned(),
-        };
         let star = if theirs.reached { "" } else { "*" };
         settings.entry(theirs.settings.as_str()).or_default().push(level.level.to_string());
         add_row(
@@ -144,7 +136,6 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
                 pair(level.error.rms_percent, theirs.error.rms_percent),
                 pair(level.error.hausdorff_percent, theirs.error.hausdorff_percent),
                 pair(level.normal_deg, theirs.normal_deg),
-                posed(level.posed, theirs.posed),
                 format!("{} / {}", level.gap_edges, theirs.gap_edges),
                 significant(theirs.ratio.rms),
                 significant(theirs.ratio.hausdorff),
@@ -152,7 +143,7 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
             ],
         );
     }
-    let mut text = indent(&table);
+    let mut text = indent(&table) + &tabulate_poses(mesh);
     for (name, levels) in settings {
         _ = writeln!(text, "    meshoptimizer's best, level {}: {name}", levels.join(", "));
     }
@@ -160,6 +151,30 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
         text += UNEQUAL;
     }
     text
+}
+
+/// The same in poses; nothing without any.
+fn tabulate_poses(mesh: &MeshReport) -> String {
+    let mut table = start_table(&["level", "poses", "posed rms %", "posed hausdorff %", ""]);
+    let mut rows = 0;
+    for level in &mesh.levels {
+        let theirs = level.baseline.as_ref().and_then(|baseline| baseline.posed);
+        let Some((ours, theirs)) = level.posed.zip(theirs) else { continue };
+        let cells = [
+            level.level.to_string(),
+            ours.poses.to_string(),
+            pair(ours.rms_percent, theirs.rms_percent),
+            pair(ours.hausdorff_percent, theirs.hausdorff_percent),
+            String::new(),
+        ];
+        add_row(&mut table, &cells);
+        rows += 1;
+    }
+    if rows > 0 { indent(&table) } else { String::new() }
+}
+
+fn pair(ours: f64, theirs: f64) -> String {
+    format!("{} / {}", significant(ours), significant(theirs))
 }
 
 fn describe_counts(ours: usize, theirs: usize) -> String {
