@@ -71,8 +71,9 @@ const THIN: f32 = 0.1;
 /// Mean trust in the gradients around a wedge below which they count for less.
 const LEAST_TRUST: f32 = 0.01;
 
-/// A unit normal that turns by δ over a face of size L hides a shape error of about δ·L/8.
-const NORMAL_SCALE: f64 = 0.125;
+/// A unit normal that turns by δ over a face of size L hides a shape error of about δ·L/8; that the eye sees shading before it sees shape makes it
+/// more.
+const NORMAL_SCALE: f64 = 0.35;
 /// A colour step of 1 counts like a shape error of this share of a face's size.
 const COLOR_SCALE: f64 = 0.25;
 /// A texture that slides counts less than a silhouette that moves by the same length.
@@ -114,6 +115,11 @@ impl Metric {
     /// Whether no attribute counts.
     pub fn is_empty(&self) -> bool {
         self.terms.is_empty()
+    }
+
+    /// Whether errors of the shape in poses are among what counts.
+    pub fn has_displacements(&self) -> bool {
+        self.plain_terms < self.terms.len()
     }
 
     fn stride(&self) -> usize {
@@ -206,8 +212,9 @@ impl Metric {
         }
         let (width, stride) = (self.face_width(), self.stride());
         let mut states = take(&mut self.states);
-        let wedges = distinct_wedges(surface, point);
-        self.only[point as usize] = if wedges.len() == 1 { wedges[0] } else { SEVERAL };
+        let only = only_wedge(surface, point);
+        self.only[point as usize] = only;
+        let wedges = if only == SEVERAL { distinct_wedges(surface, point) } else { SmallVec::from_slice(&[only]) };
         for &wedge in &wedges {
             states[wedge as usize * stride..][..stride].fill(f32x4::ZERO);
         }
