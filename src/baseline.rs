@@ -157,7 +157,8 @@ impl Prepared {
     /// As [`simplify`].
     pub fn new(mesh: &Mesh) -> Result<Self> {
         check_mesh(mesh)?;
-        let mesh = merge_equal_vertices(&separate_groups(mesh));
+        let mut mesh = merge_equal_vertices(&separate_groups(mesh));
+        mesh.attributes.retain(|attribute| !matches!(attribute.semantic, Semantic::Pose(_)));
         let groups = find_vertex_groups(&mesh);
         let (channels, weights) = weigh_attributes(&mesh);
         let mut values = Vec::with_capacity(mesh.positions.len() * weights.len());

@@ -195,7 +195,7 @@ fn reports_are_reproducible_and_name_no_machine() {
     assert_eq!(
         keys(level),
         "level target triangles vertices stop refusals error pixels_at_switch switch_in normal_deg normal_p95_deg shading_deg \
-         uv_mean uv_p95 slivers5 slivers10 flipped degenerate nonmanifold_edges gap_edges baseline"
+         uv_mean uv_p95 slivers5 slivers10 flipped degenerate nonmanifold_edges gap_edges posed baseline"
     );
     assert_eq!(keys(&level["error"]), "hausdorff rms mean hausdorff_percent rms_percent mean_percent");
     assert!(level["baseline"]["ratio"]["rms"].as_f64().is_some_and(|ratio| ratio > 0.0), "{level}");

@@ -13,6 +13,7 @@ mod document;
 mod files;
 mod geometry;
 mod merge;
+mod poses;
 mod primitive;
 mod progressive;
 mod scene;
@@ -21,6 +22,7 @@ mod uri;
 pub use container::{Chunk, Container};
 pub use document::Document;
 pub use geometry::{AttributeLayout, Channel, Component, Geometry, PassedOver, PrimitiveLayout, Shape};
+pub use poses::Animations;
 pub use progressive::{PROGRESSIVE, Progressive, ProgressiveGroup, RecordChunk, RowAttribute};
 pub use scene::{MeshUse, Scene};
 
@@ -146,6 +148,11 @@ impl Asset {
     /// Nodes, their transforms, what animates them and what draws which mesh.
     pub fn scene(&self) -> Scene {
         Scene::of(self)
+    }
+
+    /// What deforms meshes; `scene` is this asset's.
+    pub fn animations(&self, scene: &Scene) -> Animations {
+        Animations::of(self, scene)
     }
 }
 

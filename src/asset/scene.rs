@@ -173,22 +173,40 @@ fn find_scales(nodes: &[Value], parents: &[Option<usize>]) -> Vec<f64> {
         }
         for node in path.into_iter().rev() {
             let Some((value, slot)) = nodes.get(node).zip(scales.get_mut(node)) else { continue };
-            above *= local_transform(value).determinant().abs().cbrt();
+            above *= Transform::of(value).matrix().determinant().abs().cbrt();
             *slot = Some(above);
         }
     }
     scales.into_iter().map(|scale| scale.unwrap_or(1.0)).collect()
 }
 
-fn local_transform(node: &Value) -> DMat4 {
-    let node = Cursor::root(node);
-    if let Some(matrix) = node.get("matrix").and_then(|m| m.numbers().ok()) {
-        return DMat4::from_cols_array(&matrix);
+/// Where a node stands in its parent.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Transform {
+    pub translation: DVec3,
+    pub rotation: DQuat,
+    pub scale: DVec3,
+    /// Instead of all of these.
+    fixed: Option<DMat4>,
+}
+
+impl Transform {
+    pub fn of(node: &Value) -> Self {
+        let node = Cursor::root(node);
+        let triple = |name: &str| node.get(name).and_then(|t| t.numbers().ok()).map(DVec3::from_array);
+        let rotation = node.get("rotation").and_then(|r| r.numbers().ok()).map_or(DQuat::IDENTITY, DQuat::from_array);
+        Self {
+            translation: triple("translation").unwrap_or(DVec3::ZERO),
+            rotation: rotation.normalize(),
+            scale: triple("scale").unwrap_or(DVec3::ONE),
+            fixed: node.get("matrix").and_then(|m| m.numbers().ok()).map(|m| DMat4::from_cols_array(&m)),
+        }
     }
-    let scale = node.get("scale").and_then(|s| s.numbers().ok()).map_or(DVec3::ONE, DVec3::from_array);
-    let rotation = node.get("rotation").and_then(|r| r.numbers().ok()).map_or(DQuat::IDENTITY, DQuat::from_array);
-    let translation = node.get("translation").and_then(|t| t.numbers().ok()).map_or(DVec3::ZERO, DVec3::from_array);
-    DMat4::from_scale_rotation_translation(scale, rotation.normalize(), translation)
+
+    pub fn matrix(&self) -> DMat4 {
+        self.fixed
+            .unwrap_or_else(|| DMat4::from_scale_rotation_translation(self.scale, self.rotation, self.translation))
+    }
 }
 
 /// The largest uniform scale among the node's GPU instances; 1 without any.

@@ -1,6 +1,6 @@
 //! What a collapse costs in attributes, and the values that cost least.
 
-use super::distinct_wedges;
+use super::{distinct_wedges, is_displacement};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::pair_wedges;
@@ -20,8 +20,10 @@ const LANES: usize = 4;
 /// How much a squared difference in the numbers of a row counts, in squared lengths of the unit frame, and what is known of each wedge.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Metric {
-    /// The numbers that count.
+    /// The numbers that count, displacements last.
     pub(super) terms: Vec<Term>,
+    /// How many of them are no displacements.
+    plain_terms: usize,
     /// The same in fours, with their scales for the surface as it was at the last refresh; what fills up the last four counts nothing.
     blocks: Vec<Block>,
     /// [`Self::stride`] vectors a wedge: its [`Head`], then gradients (x, y, z) and values of each block, all of them scaled.
@@ -32,6 +34,8 @@ pub(crate) struct Metric {
     only: Vec<u32>,
     /// Of the source.
     area: f64,
+    /// Unit frame over object units.
+    frame: f32,
 }
 
 /// Stands for the wedge of a point that has more than one, or none.
@@ -50,6 +54,8 @@ pub(super) struct Term {
 struct Block {
     indices: [usize; LANES],
     scales: f32x4,
+    /// For a displacement: its scale in the unit frame.
+    displaces: Option<f32>,
 }
 
 impl Block {
@@ -65,12 +71,16 @@ const THIN: f32 = 0.1;
 /// Mean trust in the gradients around a wedge below which they count for less.
 const LEAST_TRUST: f32 = 0.01;
 
-/// A unit normal that turns by δ over a face of size L hides a shape error of about δ·L/8.
-const NORMAL_SCALE: f64 = 0.125;
+/// A unit normal that turns by δ over a face of size L hides a shape error of about δ·L/8; that the eye sees shading before it sees shape makes it
+/// more.
+const NORMAL_SCALE: f64 = 0.35;
 /// A colour step of 1 counts like a shape error of this share of a face's size.
 const COLOR_SCALE: f64 = 0.25;
 /// A texture that slides counts less than a silhouette that moves by the same length.
 const TEX_COORD_SCALE: f64 = 0.25;
+/// The shape at rest is seen in all poses: each alone counts less.
+const POSE_SCALE: f64 = 0.3;
+const MORPH_SCALE: f64 = 0.5;
 
 impl Metric {
     /// Weights that make one preset serve all sizes: directions and colours by the size of the faces at hand, UVs by their density.
@@ -84,7 +94,6 @@ impl Metric {
                     let length = length_per_uv(surface, column.offset);
                     (f64::from(weights.tex_coord) * TEX_COORD_SCALE * length, false)
                 }
-                Semantic::MorphPosition(_) => (surface.frame.scale(), false),
                 _ => continue,
             };
             if weight > 0.0 {
@@ -92,14 +101,25 @@ impl Metric {
                 terms.extend(columns.map(|index| Term { index, weight: weight as f32, by_size }));
             }
         }
+        let plain_terms = terms.len();
+        for column in surface.wedges.columns().iter().filter(|c| is_displacement(c.semantic) && c.width == 3) {
+            let share = if matches!(column.semantic, Semantic::Pose(_)) { POSE_SCALE } else { MORPH_SCALE };
+            let weight = (surface.frame.scale() * share) as f32;
+            terms.extend((column.offset..column.offset + 3).map(|index| Term { index, weight, by_size: false }));
+        }
         let double_areas = surface.live_faces().map(|f| double_area(surface.triangle(f)));
         let area = if terms.is_empty() { 0.0 } else { 0.5 * double_areas.sum::<f64>() };
-        Self { terms, area, ..Self::default() }
+        Self { terms, plain_terms, frame: surface.frame.scale() as f32, area, ..Self::default() }
     }
 
     /// Whether no attribute counts.
     pub fn is_empty(&self) -> bool {
         self.terms.is_empty()
+    }
+
+    /// Whether errors of the shape in poses are among what counts.
+    pub fn has_displacements(&self) -> bool {
+        self.plain_terms < self.terms.len()
     }
 
     fn stride(&self) -> usize {
@@ -173,11 +193,16 @@ impl Metric {
     fn scale(&mut self, faces: usize) {
         let size = if self.area > 0.0 { (self.area / faces.max(1) as f64).sqrt() as f32 } else { 1.0 };
         let scale = |term: &Term| if term.by_size { term.weight * size } else { term.weight };
-        let block = |terms: &[Term]| Block {
+        let block = |terms: &[Term], displaces| Block {
             indices: std::array::from_fn(|lane| terms.get(lane).map_or(0, |term| term.index)),
             scales: f32x4::new(std::array::from_fn(|lane| terms.get(lane).map_or(0.0, scale))),
+            displaces,
         };
-        self.blocks = self.terms.chunks(LANES).map(block).collect();
+        let (plain, displacements) = self.terms.split_at(self.plain_terms);
+        let plain = plain.chunks(LANES).map(|terms| block(terms, None));
+        let share = |terms: &[Term]| terms[0].weight / self.frame;
+        let displacements = displacements.chunks(3).map(|terms| block(terms, Some(share(terms))));
+        self.blocks = plain.chain(displacements).collect();
     }
 
     /// Brings what is known of a point's wedges up to date with the faces around it.
@@ -187,8 +212,9 @@ impl Metric {
         }
         let (width, stride) = (self.face_width(), self.stride());
         let mut states = take(&mut self.states);
-        let wedges = distinct_wedges(surface, point);
-        self.only[point as usize] = if wedges.len() == 1 { wedges[0] } else { SEVERAL };
+        let only = only_wedge(surface, point);
+        self.only[point as usize] = only;
+        let wedges = if only == SEVERAL { distinct_wedges(surface, point) } else { SmallVec::from_slice(&[only]) };
         for &wedge in &wedges {
             states[wedge as usize * stride..][..stride].fill(f32x4::ZERO);
         }
@@ -223,7 +249,13 @@ impl Metric {
         for (block, gradient) in self.blocks.iter().zip(gradients.chunks_exact_mut(3)) {
             let start = block.of(ra);
             let (to_b, to_c) = (block.of(rb) - start, block.of(rc) - start);
-            let g: [f32x4; 3] = std::array::from_fn(|axis| along_b[axis] * to_b + along_c[axis] * to_c);
+            let mut g: [f32x4; 3] = std::array::from_fn(|axis| along_b[axis] * to_b + along_c[axis] * to_c);
+            if let Some(share) = block.displaces {
+                let turn = turn_of_normal([ab, ac], [to_b, to_c].map(|d| as_vec3(d) / share), normal / double_area);
+                let turn = f32x4::new([turn.x, turn.y, turn.z, 0.0]) * share;
+                let unit = splat(normal / double_area);
+                (0..3).for_each(|axis| g[axis] += unit[axis] * turn);
+            }
             add_squares(&mut products, g, f32x4::splat(trust));
             gradient.copy_from_slice(&g.map(|g| g * trust));
         }
@@ -312,9 +344,9 @@ impl Metric {
         let known = self.state(wedge);
         let scaled = self.blocks.iter().enumerate().flat_map(|(k, block)| {
             let (values, scales) = (known.at(k, splat(off)).to_array(), block.scales.to_array());
-            (0..LANES).map(move |lane| values[lane] / scales[lane])
+            (0..LANES).filter(move |&lane| scales[lane] > 0.0).map(move |lane| values[lane] / scales[lane])
         });
-        Extended { values: scaled.take(self.terms.len()).collect(), area: known.area() }
+        Extended { values: scaled.collect(), area: known.area() }
     }
 }
 
@@ -390,6 +422,17 @@ impl Known<'_> {
 #[inline]
 fn splat(v: Vec3) -> [f32x4; 3] {
     v.to_array().map(f32x4::splat)
+}
+
+fn as_vec3(lanes: f32x4) -> Vec3 {
+    let [x, y, z, _] = lanes.to_array();
+    Vec3::new(x, y, z)
+}
+
+/// By how much the unit normal of a face turns where its edges become longer by `steps`: how what stands off the face is displaced.
+fn turn_of_normal(edges: [Vec3; 2], steps: [Vec3; 2], unit: Vec3) -> Vec3 {
+    let turned = (edges[0] + steps[0]).cross(edges[1] + steps[1]);
+    turned.try_normalize().map_or(Vec3::ZERO, |turned| turned - unit)
 }
 
 /// Adds the upper half of `weight · g gᵀ` of each lane: xx, xy, xz, yy, yz, zz.

@@ -7,8 +7,9 @@
 //!
 //! `(x − p)ᵀ C (x − p)` on either side, and `W₁W₂ / (W₁ + W₂) · (s₁ + ḡ₁·(x − p₁) − s₂ − ḡ₂·(x − p₂))²` between them (`W` the areas).
 //!
-//! A morph target's displacements count like positions: the shape is off by as much at the target's extreme. They are the same on every side of a
-//! seam, so that posed surfaces stay closed; so are joint influences, which follow the edge.
+//! Displacements (of a morph target, of a pose) count like positions, though less: the shape is off by as much in that pose. What stands off a face
+//! moves as the face turns, so that their gradients have a part along the normal, too, and what only turns costs nothing. They are the same on every
+//! side of a seam, so that posed surfaces stay closed; so are joint influences, which follow the edge.
 //!
 //! Limits: morph displacements of normals and the like count nothing in the cost.
 
@@ -18,6 +19,7 @@ mod solution;
 pub(crate) use metric::Metric;
 pub(crate) use solution::{Solution, fill_midpoint};
 
+use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 use smallvec::SmallVec;
@@ -38,4 +40,9 @@ fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
         }
     }
     wedges
+}
+
+/// Whether an attribute says where else the surface may be: then its errors are errors of the shape.
+fn is_displacement(semantic: Semantic) -> bool {
+    matches!(semantic, Semantic::MorphPosition(_) | Semantic::Pose(_))
 }

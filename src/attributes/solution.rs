@@ -1,5 +1,6 @@
 //! The new values of the wedges of a joined point.
 
+use super::is_displacement;
 use super::metric::{Extended, Metric, Row};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
@@ -54,7 +55,7 @@ impl Solution {
 
     /// Gives all wedges the same displacements, so that posed surfaces stay closed.
     fn share_displacements(&mut self, surface: &Surface) {
-        for column in surface.wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::MorphPosition(_))) {
+        for column in surface.wedges.columns().iter().filter(|c| is_displacement(c.semantic)) {
             for i in column.offset..column.offset + column.width {
                 let total: f32 = self.classes.iter().map(|class| class.area).sum();
                 let even = 1.0 / self.classes.len() as f32;

@@ -4,7 +4,7 @@ use super::Mode;
 use crate::baseline::{Baseline, Prepared, simplify_with};
 use crate::error::Result;
 use crate::measure::{Measurement, Ruler};
-use crate::report::name_stop;
+use crate::report::{PosedFigures, name_stop};
 use crate::simplify::Chain;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -30,6 +30,8 @@ pub struct Figures {
     pub gap_edges: usize,
     /// Faces that look the other way.
     pub flipped: usize,
+    /// Distances in the asset's own poses, if it has any.
+    pub posed: Option<PosedFigures>,
 }
 
 /// One level.
@@ -69,6 +71,7 @@ impl Figures {
             uv_mean: measured.uv_mean,
             gap_edges: measured.gap_edges,
             flipped: measured.flipped,
+            posed: PosedFigures::of(measured),
         }
     }
 }

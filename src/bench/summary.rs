@@ -4,6 +4,7 @@ use super::Mode;
 use super::quality::{Figures, LevelRow, Rival};
 use super::report::{MeshBench, Times};
 use crate::baseline::Settings;
+use crate::report::PosedFigures;
 use serde::Serialize;
 
 /// Below these, figures are nothing: rounding of 32-bit positions and normals.
@@ -60,6 +61,10 @@ pub struct Ratios {
     pub shading: Option<f64>,
     /// Mean UV distance, where there are UVs.
     pub uv: Option<f64>,
+    /// RMS distance in the assets' own poses, where there are poses.
+    pub posed_rms: Option<f64>,
+    /// Hausdorff distance in them.
+    pub posed_hausdorff: Option<f64>,
     /// Mean share of triangles with an angle below 10°; no ratio.
     pub slivers: Option<f64>,
     /// Levels that were compared.
@@ -120,6 +125,13 @@ impl Summary {
     }
 }
 
+impl Summary {
+    /// Whether anything was measured in poses.
+    pub fn has_poses(&self) -> bool {
+        self.modes.iter().any(|mode| mode.ratios.posed_rms.is_some())
+    }
+}
+
 impl AgainstAttributes {
     fn of(meshes: &[MeshBench]) -> Option<Self> {
         let levels = || meshes.iter().flat_map(|mesh| &mesh.levels);
@@ -153,6 +165,8 @@ impl Ratios {
             normals: ratios(NO_ANGLE_DEG, |f| Some(f.normal_deg)),
             shading: ratios(NO_ANGLE_DEG, |f| f.shading_deg),
             uv: ratios(NO_UV, |f| f.uv_mean),
+            posed_rms: ratios(NO_DISTANCE_PERCENT, |f| Some(f.posed?.rms_percent)),
+            posed_hausdorff: ratios(NO_DISTANCE_PERCENT, |f| Some(f.posed?.hausdorff_percent)),
             slivers: mean(pairs.iter().map(|(a, _)| a.slivers10)),
             levels: pairs.len(),
         }
@@ -202,6 +216,11 @@ fn find_best_of_each(level: &LevelRow) -> Option<Figures> {
         uv_mean: least(a.uv_mean, b.uv_mean),
         gap_edges: a.gap_edges.min(b.gap_edges),
         flipped: a.flipped.min(b.flipped),
+        posed: a.posed.zip(b.posed).map(|(a, b)| PosedFigures {
+            poses: a.poses,
+            hausdorff_percent: a.hausdorff_percent.min(b.hausdorff_percent),
+            rms_percent: a.rms_percent.min(b.rms_percent),
+        }),
     })
 }
 
@@ -230,6 +249,7 @@ mod tests {
             uv_mean: None,
             gap_edges: 0,
             flipped: 0,
+            posed: None,
         }
     }
 

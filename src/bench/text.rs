@@ -80,16 +80,14 @@ fn tabulate_levels(mesh: &MeshBench) -> String {
 
 fn describe_modes(report: &BenchReport) -> String {
     let summary = &report.summary;
-    let attributes = summary.attributes.is_some();
+    let columns = Columns { attributes: summary.attributes.is_some(), poses: summary.has_poses() };
     let mut heads = vec!["hausd.", "rms", "normals"];
-    if attributes {
-        heads.extend(["shading", "uv"]);
-    }
+    heads.extend(columns.heads());
     heads.extend(["slivers", "cpu", "wall", "by"]);
     let mut table = start_table(&heads);
     let is_partial = |mode: &ModeSummary| mode.ratios.levels < summary.levels;
     for mode in &summary.modes {
-        let mut cells = show_ratios(&mode.ratios, attributes);
+        let mut cells = show_ratios(&mode.ratios, columns);
         let star = if is_partial(mode) { "*" } else { "" };
         cells.extend([show(mode.chain_time), show(mode.chain_wall), shorten(&mode.mode) + star]);
         add_row(&mut table, &cells);
@@ -108,10 +106,28 @@ fn describe_modes(report: &BenchReport) -> String {
     text
 }
 
-fn show_ratios(ratios: &Ratios, attributes: bool) -> Vec<String> {
+/// Columns that not all meshes fill.
+#[derive(Clone, Copy)]
+struct Columns {
+    attributes: bool,
+    poses: bool,
+}
+
+impl Columns {
+    fn heads(self) -> impl Iterator<Item = &'static str> {
+        let attributes = if self.attributes { &["shading", "uv"][..] } else { &[] };
+        let poses = if self.poses { &["posed hausd.", "posed rms"][..] } else { &[] };
+        attributes.iter().chain(poses).copied()
+    }
+}
+
+fn show_ratios(ratios: &Ratios, columns: Columns) -> Vec<String> {
     let mut cells = vec![show(ratios.hausdorff), show(ratios.rms), show(ratios.normals)];
-    if attributes {
+    if columns.attributes {
         cells.extend([show(ratios.shading), show(ratios.uv)]);
+    }
+    if columns.poses {
+        cells.extend([show(ratios.posed_hausdorff), show(ratios.posed_rms)]);
     }
     cells.push(ratios.slivers.map_or("-".to_owned(), |share| format!("{:.1} %", share * 100.0)));
     cells
@@ -119,12 +135,16 @@ fn show_ratios(ratios: &Ratios, attributes: bool) -> Vec<String> {
 
 fn describe_attributes(summary: &Summary) -> String {
     let Some(attributes) = &summary.attributes else { return String::new() };
-    let mut table = start_table(&["hausd.", "rms", "normals", "shading", "uv", "slivers", "levels", "against"]);
+    let columns = Columns { attributes: true, poses: summary.has_poses() };
+    let mut heads = vec!["hausd.", "rms", "normals"];
+    heads.extend(columns.heads());
+    heads.extend(["slivers", "levels", "against"]);
+    let mut table = start_table(&heads);
     for (ratios, name) in [
         (&attributes.best_by_rms, "the best by RMS, each level"),
         (&attributes.best_of_each, "the best of all, each column"),
     ] {
-        let mut cells = show_ratios(ratios, true);
+        let mut cells = show_ratios(ratios, columns);
         cells.extend([ratios.levels.to_string(), name.to_owned()]);
         add_row(&mut table, &cells);
     }

@@ -10,15 +10,18 @@
 mod appearance;
 mod distance;
 mod gaps;
+mod posed;
 mod quality;
 mod sample;
 mod surface;
 mod topology;
 
 use crate::bvh::Bvh;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Pose};
 use appearance::Appearance;
 use distance::{mean_square, measure_distance};
+use posed::PosedRuler;
+use rayon::prelude::*;
 use surface::Surface;
 
 /// A source mesh made ready for measuring many levels against it.
@@ -30,6 +33,7 @@ pub struct Ruler {
     border: Option<Bvh>,
     diagonal: f64,
     bounding_radius: f64,
+    poses: Vec<PosedRuler>,
 }
 
 /// How to sample.
@@ -87,6 +91,20 @@ pub struct Measurement {
     pub nonmanifold_edges: usize,
     /// Open edges that have no counterpart among the source's open edges: cracks.
     pub gap_edges: usize,
+    /// Distances in the asset's own poses, if it has any and the ruler knows them.
+    pub posed: Option<Posed>,
+}
+
+/// How far a level is from its source in the same poses: extremes of morph targets, moments of animations. Object units, rigid motion and scale of
+/// the pose taken out.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Posed {
+    /// Poses that were measured.
+    pub poses: usize,
+    /// Two-sided RMS distance, root mean square over the poses.
+    pub rms: f64,
+    /// Largest two-sided Hausdorff distance of all poses.
+    pub hausdorff: f64,
 }
 
 impl Measurement {
@@ -136,7 +154,15 @@ impl Ruler {
             source: surface,
             diagonal,
             bounding_radius,
+            poses: Vec::new(),
         }
+    }
+
+    /// The same ruler, which measures levels in these poses as well; `source` is what it was made of.
+    #[must_use]
+    pub fn with_poses(self, source: &Mesh, poses: Vec<Pose>) -> Self {
+        let poses = poses.into_par_iter().map(|pose| PosedRuler::new(source, pose, self.sampling)).collect();
+        Self { poses, ..self }
     }
 
     /// Measures `level` against the source. Figures that cannot be had are 0 or `None`, never NaN; of two empty
@@ -203,6 +229,7 @@ impl Ruler {
         result.to_source = measure_distance(surface, &self.source.bvh, self.diagonal).0;
         self.appearance.compare(&self.source, level, surface, &hits, self.diagonal, result);
         quality::judge_faces(&self.source, surface, self.diagonal, result);
+        result.posed = posed::measure(&self.poses, level, self.diagonal);
         result.gap_edges = gaps::count_gaps(
             &self.source.border,
             self.border.as_ref(),

@@ -3,11 +3,14 @@
 //! Knows nothing of glTF, files or presets.
 
 pub(crate) mod edges;
+mod pose;
 pub(crate) mod surface;
 pub(crate) mod surgery;
 mod validate;
 pub(crate) mod wedges;
 mod weld;
+
+pub use pose::{Pose, choose_poses};
 
 /// A triangle mesh in plain arrays; the same shape goes into the simplifier and comes out of it.
 ///
@@ -54,6 +57,8 @@ pub enum Semantic {
     Color(u32),
     /// Position displacement of the morph target given, object units, width 3.
     MorphPosition(u32),
+    /// Displacement in the pose given ([`Pose::attribute`]), object units, width 3: counts like the position; levels do not have it.
+    Pose(u32),
     /// Any other morph displacement (normal, tangent, UV, colour): interpolated.
     MorphOther(u32),
     /// Application data that may be interpolated.

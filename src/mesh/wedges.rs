@@ -111,7 +111,9 @@ impl Wedges {
                 Semantic::TexCoord(_) => 1e-4,
                 Semantic::Color(_) => 1.0 / 255.0,
                 Semantic::Id => 0.0,
-                Semantic::MorphPosition(_) | Semantic::MorphOther(_) | Semantic::Generic => return false,
+                Semantic::MorphPosition(_) | Semantic::Pose(_) | Semantic::MorphOther(_) | Semantic::Generic => {
+                    return false;
+                }
             };
             (column.offset..column.offset + column.width).any(|i| (row_a[i] - row_b[i]).abs() > tolerance)
         };

@@ -79,7 +79,9 @@ fn build_meshes(
     observer: &dyn Observer,
 ) -> Result<Vec<BuiltMesh>, Vec<Error>> {
     let name = relative_name(&job.source.relative);
-    let task = mesh::Task { asset, scene, presets: &job.presets, limits: &options.limits, file: &name, observer };
+    let animations = asset.animations(scene);
+    let (presets, limits) = (&job.presets, &options.limits);
+    let task = mesh::Task { asset, scene, animations: &animations, presets, limits, file: &name, observer };
     let indices = 0..asset.document.array("meshes").len();
     let results: Vec<_> = indices.into_par_iter().map(|index| task.build(index)).collect();
     let (built, errors): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);

@@ -4,23 +4,31 @@ use super::Observer;
 use super::foreign::make_levels;
 use super::gates::check_gates;
 use super::levels::{choose_options, keep_levels, report_target};
-use crate::asset::{Asset, Geometry, Limits, Scene};
+use crate::asset::{Animations, Asset, Geometry, Limits, Scene};
 use crate::baseline;
 use crate::coverage::{pixels_of_error, place_switches, to_height};
 use crate::emit::{self, Existing, LodLevel, MeshLods};
 use crate::error::Result;
 use crate::measure::{Measurement, Ruler, Sampling};
-use crate::mesh::Mesh;
+use crate::mesh::{Attribute, Mesh, Pose, choose_poses};
 use crate::preset::{AssetPresets, Basis, Maker, MeshNames, Settings};
 use crate::report::{BaselineReport, BrokenGate, LevelReport, MeshReport};
 use crate::simplify::{self, EdgePolicy, Level};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
+/// Poses that levels are measured in.
+const MEASURED_POSES: usize = 8;
+/// The first of them, as far as joints make them, count in the simplifier; morph targets count there anyway.
+const GUIDES: usize = 4;
+/// Share of the diagonal by which a pose has to differ.
+const LEAST_POSE: f64 = 1e-3;
+
 /// What all meshes of an asset share.
 pub(super) struct Task<'a> {
     pub(super) asset: &'a Asset,
     pub(super) scene: &'a Scene,
+    pub(super) animations: &'a Animations,
     pub(super) presets: &'a AssetPresets,
     pub(super) limits: &'a Limits,
     pub(super) file: &'a str,
@@ -81,16 +89,28 @@ impl Task<'_> {
         if let Some(why) = find_reason_to_skip(self.scene, index, &settings) {
             return Ok(Prepared::skipped(report, why));
         }
-        let geometry = self.asset.geometry(index, self.limits)?;
+        let mut geometry = self.asset.geometry(index, self.limits)?;
         describe_geometry(&mut report, &geometry);
         if let Some(why) = find_reason_in_geometry(&geometry, &settings) {
             return Ok(Prepared::skipped(report, why));
         }
         self.observer.mesh_started(self.file, names.mesh.as_deref().unwrap_or(""), report.triangles);
         let ruler = Ruler::new(&geometry.mesh, choose_sampling(settings.samples, report.triangles));
+        let poses = self.poses(index, &geometry.mesh, ruler.diagonal());
+        let guides = poses.iter().filter(|pose| !pose.joints.is_empty()).take(GUIDES).zip(0..);
+        let guides: Vec<Attribute> = guides.map(|(pose, k)| pose.attribute(&geometry.mesh, k)).collect();
+        let ruler = ruler.with_poses(&geometry.mesh, poses);
+        geometry.mesh.attributes.extend(guides);
         (report.diagonal, report.radius) = (ruler.diagonal(), ruler.bounding_radius());
         let options = choose_options(&settings, report.diagonal, report.radius);
         Ok(Prepared::Ready(Box::new(Subject { report, geometry, ruler, settings, options })))
+    }
+
+    /// The poses in which levels of `meshes[index]` are measured, those that differ most first.
+    fn poses(&self, index: usize, mesh: &Mesh, diagonal: f64) -> Vec<Pose> {
+        let poses = self.animations.poses(self.asset, self.scene, index).into_iter();
+        let aligned = poses.map(|pose| pose.aligned(mesh)).collect();
+        choose_poses(mesh, aligned, MEASURED_POSES, LEAST_POSE * diagonal)
     }
 }
 

@@ -63,8 +63,9 @@ fn visit_asset(
         Err(error) => return vec![error],
     };
     let scene = asset.scene();
+    let animations = asset.animations(&scene);
     let (presets, limits) = (&job.presets, &options.limits);
-    let task = Task { asset: &asset, scene: &scene, presets, limits, file: &file, observer };
+    let task = Task { asset: &asset, scene: &scene, animations: &animations, presets, limits, file: &file, observer };
     let visit_mesh = |index| {
         match task.prepare(index)? {
             Prepared::Skipped(report) => visited.skipped.push((file.clone(), report)),

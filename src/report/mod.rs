@@ -12,8 +12,8 @@ pub use inspect::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitiv
 pub use json::to_json;
 pub(crate) use model::name_stop;
 pub use model::{
-    BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, Problem,
-    Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
+    BaselineReport, BrokenGate, DroppedLevel, ErrorFigures, FileReport, LevelReport, MeshReport, Outcome, PosedFigures,
+    Problem, Ratio, RefusalCounts, Report, Status, TargetReport, Totals, relative_name,
 };
 pub use papers::{PapersReport, describe_papers};
 pub use progressive::{

@@ -219,6 +219,8 @@ pub struct LevelReport {
     pub nonmanifold_edges: usize,
     /// Open edges that the source does not have: cracks.
     pub gap_edges: usize,
+    /// Distance from the source in the asset's own poses.
+    pub posed: Option<PosedFigures>,
     /// meshoptimizer at the same triangle count by the same ruler.
     pub baseline: Option<BaselineReport>,
 }
@@ -266,6 +268,18 @@ pub struct ErrorFigures {
     pub mean_percent: f64,
 }
 
+/// Distances between level and source in the same poses: moments of the asset's animations, each morph target alone. Percent of the source's
+/// diagonal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct PosedFigures {
+    /// Poses that were measured.
+    pub poses: usize,
+    /// Largest distance in any of them.
+    pub hausdorff_percent: f64,
+    /// Root mean square over all of them.
+    pub rms_percent: f64,
+}
+
 /// meshoptimizer's result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BaselineReport {
@@ -283,6 +297,8 @@ pub struct BaselineReport {
     pub uv_mean: Option<f64>,
     /// Open edges that the source does not have.
     pub gap_edges: usize,
+    /// Its distance from the source in the asset's own poses.
+    pub posed: Option<PosedFigures>,
     /// Ours relative to it.
     pub ratio: Ratio,
 }
@@ -482,6 +498,15 @@ pub(crate) fn name_stop(stop: Stop) -> &'static str {
     }
 }
 
+impl PosedFigures {
+    /// The distances of a measurement in poses, if there are poses.
+    pub fn of(measured: &Measurement) -> Option<Self> {
+        let posed = measured.posed?;
+        let percent = |distance: f64| if measured.diagonal > 0.0 { distance / measured.diagonal * 100.0 } else { 0.0 };
+        Some(Self { poses: posed.poses, hausdorff_percent: percent(posed.hausdorff), rms_percent: percent(posed.rms) })
+    }
+}
+
 impl LevelReport {
     /// A level as measured; switch and baseline are filled in later.
     pub fn new(level: usize, target: TargetReport, stop: Stop, refusals: Refusals, measured: &Measurement) -> Self {
@@ -506,6 +531,7 @@ impl LevelReport {
             degenerate: measured.degenerate,
             nonmanifold_edges: measured.nonmanifold_edges,
             gap_edges: measured.gap_edges,
+            posed: PosedFigures::of(measured),
             baseline: None,
         }
     }
@@ -522,6 +548,7 @@ impl BaselineReport {
             normal_deg: theirs.normal_deg,
             uv_mean: theirs.uv_mean,
             gap_edges: theirs.gap_edges,
+            posed: PosedFigures::of(theirs),
             ratio: Ratio::of(ours, theirs),
         }
     }

@@ -126,7 +126,6 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
     let mut table = start_table(&heads);
     for level in &mesh.levels {
         let Some(theirs) = &level.baseline else { continue };
-        let pair = |ours: f64, theirs: f64| format!("{} / {}", significant(ours), significant(theirs));
         let star = if theirs.reached { "" } else { "*" };
         settings.entry(theirs.settings.as_str()).or_default().push(level.level.to_string());
         add_row(
@@ -144,7 +143,7 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
             ],
         );
     }
-    let mut text = indent(&table);
+    let mut text = indent(&table) + &tabulate_poses(mesh);
     for (name, levels) in settings {
         _ = writeln!(text, "    meshoptimizer's best, level {}: {name}", levels.join(", "));
     }
@@ -152,6 +151,30 @@ fn tabulate_comparison(mesh: &MeshReport) -> String {
         text += UNEQUAL;
     }
     text
+}
+
+/// The same in poses; nothing without any.
+fn tabulate_poses(mesh: &MeshReport) -> String {
+    let mut table = start_table(&["level", "poses", "posed rms %", "posed hausdorff %", ""]);
+    let mut rows = 0;
+    for level in &mesh.levels {
+        let theirs = level.baseline.as_ref().and_then(|baseline| baseline.posed);
+        let Some((ours, theirs)) = level.posed.zip(theirs) else { continue };
+        let cells = [
+            level.level.to_string(),
+            ours.poses.to_string(),
+            pair(ours.rms_percent, theirs.rms_percent),
+            pair(ours.hausdorff_percent, theirs.hausdorff_percent),
+            String::new(),
+        ];
+        add_row(&mut table, &cells);
+        rows += 1;
+    }
+    if rows > 0 { indent(&table) } else { String::new() }
+}
+
+fn pair(ours: f64, theirs: f64) -> String {
+    format!("{} / {}", significant(ours), significant(theirs))
 }
 
 fn describe_counts(ours: usize, theirs: usize) -> String {

@@ -20,8 +20,9 @@ use crate::mesh::surgery::Merge;
 use crate::tasks;
 use glam::{DVec3, Vec3};
 
-/// How much more directions and colours count where points stay.
-const DIRECTIONS_AT_ENDS: f32 = 10.0;
+/// How much more normals and colours count where points stay.
+const NORMALS_AT_ENDS: f32 = 3.5;
+const COLORS_AT_ENDS: f32 = 10.0;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
@@ -105,11 +106,10 @@ impl Enhanced {
         let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
         let place = subject.place(shared, |offset| self.room.contains(start + offset));
         let position = fixed.unwrap_or(start + place.offset);
-        let mut error = place.error;
+        let mut cost = place.error * subject.factor(self.options.curvature_weight);
         if !self.metric.is_empty() {
-            error += self.metric.deviation(surface, a, b, position);
+            cost += self.cost_of_attributes(surface, [a, b], position);
         }
-        let cost = error * subject.factor(self.options.curvature_weight);
         cost.is_finite().then_some(Candidate { cost, position })
     }
 
@@ -126,8 +126,17 @@ impl Enhanced {
             *cost = self.judge(surface, a, b, None).map_or(UNRANKED, |c| c.cost as f32);
         } else {
             let middle = (surface.points[a as usize] + surface.points[b as usize]) * 0.5;
-            let attributes = self.metric.deviation(surface, a, b, middle);
-            *cost += (attributes * self.subject(surface, [a, b], None).factor(self.options.curvature_weight)) as f32;
+            *cost += self.cost_of_attributes(surface, [a, b], middle) as f32;
+        }
+    }
+
+    /// What attributes add to the cost of the edge. Errors of the shape in other poses have the factor that errors of the shape have.
+    fn cost_of_attributes(&self, surface: &Surface, [a, b]: [u32; 2], position: DVec3) -> f64 {
+        let deviation = self.metric.deviation(surface, a, b, position);
+        if self.metric.has_displacements() {
+            deviation * self.subject(surface, [a, b], None).factor(self.options.curvature_weight)
+        } else {
+            deviation
         }
     }
 }
@@ -144,8 +153,12 @@ fn edges_of(surface: &Surface, face: usize) -> [Vec3; 2] {
 /// Where points stay no value is fitted to its place: the order has to make up for that.
 fn attribute_weights(options: &Options) -> AttributeWeights {
     let AttributeWeights { normal, tex_coord, color } = options.attribute_weights;
-    let more = if options.placement == Placement::Subset { DIRECTIONS_AT_ENDS } else { 1.0 };
-    AttributeWeights { normal: more * normal, tex_coord, color: more * color }
+    match options.placement {
+        Placement::Optimal => options.attribute_weights,
+        Placement::Subset => {
+            AttributeWeights { normal: NORMALS_AT_ENDS * normal, tex_coord, color: COLORS_AT_ENDS * color }
+        }
+    }
 }
 
 impl Cost for Enhanced {

@@ -8,12 +8,12 @@ use super::shading::Shading;
 use super::split::{faces_added, long_edges, split_at_midpoints};
 use super::{Chain, Level, Refusals, Stop, passes, queue, vertices};
 use crate::error::Result;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Semantic};
 
 /// Factor on the triangle count between two looks at an error target.
 const ERROR_STEP: f64 = 0.93;
 
-/// Simplifies `mesh` to every target of `options`, each level from the one before.
+/// Simplifies `mesh` to every target of `options`, each level from the one before. Poses among its attributes guide; no level has them.
 ///
 /// # Errors
 /// [`Kind::Malformed`](crate::Kind::Malformed) when an index is out of range, an array has the wrong length or a position is not finite.
@@ -85,7 +85,8 @@ impl Builder<'_> {
         if stop == Stop::Target && wanted < least {
             stop = Stop::Floor;
         }
-        let Snapshot { mesh, source_vertices } = snapshot;
+        let Snapshot { mut mesh, source_vertices } = snapshot;
+        mesh.attributes.retain(|attribute| !matches!(attribute.semantic, Semantic::Pose(_)));
         Level { mesh, source_vertices, stop, refusals: self.reducer.refusals }
     }
 

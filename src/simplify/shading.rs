@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use smallvec::SmallVec;
 
 /// Source vertices for each point of a level: fewer do not say more than the collapses have solved, more cost time.
-const SAMPLES: [usize; 2] = [3, 8];
+const SAMPLES: [usize; 2] = [3, 16];
 /// Weight of the normal that a corner starts with, in areas of its face.
 const PRIOR: f32 = 0.02;
 /// Rounds of fitting.
@@ -121,7 +121,9 @@ impl Sample {
         for &corner in surface.ring(surface.heir(self.point)) {
             let index = order[Surface::face_of(corner)];
             let face = &faces[index as usize];
-            if face.group != self.group || face.normal.dot(self.normal) <= 0.0 {
+            let height = face.normal.dot(self.position - face.triangle[0]);
+            let is_farther = height * height >= best.0;
+            if is_farther || face.group != self.group || face.normal.dot(self.normal) <= 0.0 {
                 continue;
             }
             let (foot, shares, _) = closest_point(face.triangle, self.position);
