@@ -11,7 +11,7 @@ use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
 use super::fan::Fan;
 use super::options::{AttributeWeights, Options, Placement};
-use super::placement::{Apex, Facet, LANES, Lanes, Subject, estimate};
+use super::placement::{Apex, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, special_edges};
@@ -229,6 +229,12 @@ impl Cost for Enhanced {
         if self.at_ends { area.sqrt() * distance_squared } else { area * distance_squared }
     }
 
+    fn emphasis(&self, points: &mut dyn Iterator<Item = u32>, square: f64) -> f64 {
+        let (sum, count) = points
+            .fold((0.0, 0.0), |(sum, count), p| (sum + f64::from(self.apexes[p as usize].curvature()), count + 1.0));
+        emphasis(sum / count, square, self.options.curvature_weight)
+    }
+
     fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {
         for (corners, four) in merge.spokes.chunks(LANES).zip(fan.fours()) {
             for (&corner, facet) in corners.iter().zip(four.facets()) {
@@ -243,6 +249,11 @@ impl Cost for Enhanced {
         let gone = self.apexes[gone as usize].curvature();
         let kept = self.apexes[kept as usize].curvature_mut();
         *kept = 0.5 * (*kept + gone);
+    }
+
+    fn broke(&mut self, surface: &Surface, kept: u32) {
+        self.ridged[kept as usize] = true;
+        surface.neighbours(kept).iter().for_each(|&p| self.ridged[p as usize] = true);
     }
 
     fn grow(&mut self, surface: &Surface) {

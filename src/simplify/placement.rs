@@ -256,6 +256,11 @@ fn factor(a: [f32x4; 3], b: [f32x4; 3], curvature: f32x4, length_squared: f32x4,
     (splat(1.0) + splat(curvature_weight * CURVATURE_SCALE) * curvature) * angle
 }
 
+/// How much the curvature lets an error count that reaches so far.
+pub(super) fn emphasis(curvature: f64, length_squared: f64, curvature_weight: f32) -> f64 {
+    1.0 + f64::from(curvature_weight * CURVATURE_SCALE) * (curvature * length_squared).min(f64::from(CURVATURE_CAP))
+}
+
 /// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
 /// all that ranking needs. With `at_ends` the least of both ends alone.
 #[inline]

@@ -76,7 +76,9 @@ fn split_pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
         .into_iter()
         .map(|(faces, area, low, high)| {
             let square = low.distance_squared(high);
-            Piece { faces, cost: cost.weigh(area.max(SEEN_SHARE * square), square / 3.0) }
+            let mut points = faces.iter().flat_map(|&f| surface.face(f as usize));
+            let emphasis = cost.emphasis(&mut points, square);
+            Piece { cost: emphasis * cost.weigh(area.max(SEEN_SHARE * square), square), faces }
         })
         .collect()
 }

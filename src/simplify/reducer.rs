@@ -269,11 +269,14 @@ impl Reducer {
         }
         self.cost.follow_faces(merge, &self.fan);
         self.cost.merged(&self.surface, a, b);
+        if terms.paid {
+            self.cost.broke(&self.surface, a);
+        }
         Outcome::Done(merge.faces.len())
     }
 
     fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
-        check_remains(merge)?;
+        check_remains(merge, terms.paid)?;
         let worst = self.fan.look(&self.surface, merge, candidate.position)?;
         if !terms.paid {
             check_needles(&self.surface, merge, worst, self.needles.quality)?;
