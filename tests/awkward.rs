@@ -5,8 +5,9 @@ mod support;
 use glam::DVec3;
 use gltf_lod::baseline;
 use gltf_lod::measure::{Measurement, Ruler, Sampling};
-use gltf_lod::mesh::Mesh;
+use gltf_lod::mesh::{Mesh, Semantic};
 use gltf_lod::simplify::{Chain, Effort, Options, Stop, Target, simplify};
+use std::collections::BTreeSet;
 use support::awkward::{Awkward, awkward_meshes};
 use support::projection::compare_silhouettes;
 
@@ -94,6 +95,46 @@ fn levels_are_never_much_worse_than_those_of_meshoptimizer() {
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
+}
+
+/// `keep_area`: whole cards go, the others cover what all did, and no texture coordinate changes.
+#[test]
+fn foliage_keeps_the_area_that_it_covers() {
+    let source = awkward_meshes().into_iter().find(|m| m.name == "foliage").expect("it is one of them").mesh;
+    let levels = RATIOS.map(Target::ratio).to_vec();
+    let simplified = |keep_area| {
+        let options = Options { levels: levels.clone(), keep_area, ..Options::default() };
+        simplify(&source, &options).expect("a valid mesh").levels
+    };
+    let coordinates = |mesh: &Mesh| -> BTreeSet<[u32; 2]> {
+        let values = &mesh.attribute(Semantic::TexCoord(0)).expect("they are there").values;
+        values.as_chunks().0.iter().map(|uv: &[f32; 2]| uv.map(f32::to_bits)).collect()
+    };
+    let (low, high) = source.bounds();
+    for ((kept, bare), ratio) in simplified(true).into_iter().zip(simplified(false)).zip(RATIOS) {
+        let theirs = baseline::simplify(&source, kept.mesh.triangles.len()).expect("a valid mesh");
+        let [kept_cover, bare_cover, their_cover] =
+            [&kept.mesh, &bare.mesh, &theirs.mesh].map(|level| compare_silhouettes(&source, level).covered);
+        println!(
+            "{ratio}: covers {kept_cover:.2} of the source, {bare_cover:.2} without growth, theirs {their_cover:.2}"
+        );
+        assert!(kept.mesh.triangles.len().abs_diff((1000.0 * ratio) as usize) <= 1);
+        assert!(kept_cover > 1.15 * bare_cover.max(their_cover) && kept_cover < 1.2, "{ratio}");
+        if ratio >= 0.05 {
+            assert!(kept_cover > 0.9, "{ratio}: {kept_cover}");
+        }
+        if ratio >= 0.1 {
+            assert!((area(&kept.mesh) / area(&source) - 1.0).abs() < 0.01, "{ratio}: {}", area(&kept.mesh));
+        }
+        assert!(coordinates(&kept.mesh).is_subset(&coordinates(&source)), "{ratio}");
+        let (level_low, level_high) = kept.mesh.bounds();
+        assert!((low - level_low).max_element() < 1e-4 && (level_high - high).max_element() < 1e-4, "{ratio}");
+    }
+}
+
+fn area(mesh: &Mesh) -> f64 {
+    let corner = |v: u32| DVec3::from(mesh.positions[v as usize].map(f64::from));
+    mesh.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| (b - a).cross(c - a).length() * 0.5).sum()
 }
 
 /// Of closed surfaces; copies of faces count as often as they are there.

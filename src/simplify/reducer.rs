@@ -45,6 +45,8 @@ pub(crate) struct Reducer {
     needles: Needles,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
+    /// Of a card nothing or all of its last two faces goes.
+    whole_cards: bool,
     effort: Effort,
 }
 
@@ -88,6 +90,7 @@ impl Reducer {
             fan: Fan::default(),
             needles: Needles::of(options),
             to_ends,
+            whole_cards: options.keep_area,
             effort: options.effort,
         }
     }
@@ -277,6 +280,9 @@ impl Reducer {
 
     fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
         check_remains(merge, terms.paid)?;
+        if self.whole_cards && merge.spokes.len() == merge.faces.len() {
+            return Err(Cause::Vanish);
+        }
         let worst = self.fan.look(&self.surface, merge, candidate.position)?;
         if !terms.paid {
             check_needles(&self.surface, merge, worst, self.needles.quality)?;
