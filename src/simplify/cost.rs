@@ -57,6 +57,12 @@ pub(crate) trait Cost: Send + Sync {
     /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
+    /// How much the surface bends between two points, as a cylinder does: the variance of the normals around them. 0 where it is flat or creased, or
+    /// nothing is known.
+    fn bend(&self, _a: u32, _b: u32) -> f64 {
+        0.0
+    }
+
     /// How much an error counts where a piece around these points, of this squared diagonal, is lost.
     fn emphasis(&self, _points: &mut dyn Iterator<Item = u32>, _square: f64) -> f64 {
         1.0

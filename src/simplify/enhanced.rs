@@ -23,6 +23,9 @@ use glam::{DVec3, Vec3};
 /// How much more directions and colours count where points stay.
 const DIRECTIONS_AT_ENDS: f32 = 10.0;
 
+/// Variance of the normals around a point from which there is a crease, along which needles are no use.
+const CREASED: f64 = 0.05;
+
 pub(crate) struct Enhanced {
     constraints: Constraints,
     room: Room,
@@ -227,6 +230,11 @@ impl Cost for Enhanced {
 
     fn weigh(&self, area: f64, distance_squared: f64) -> f64 {
         if self.at_ends { area.sqrt() * distance_squared } else { area * distance_squared }
+    }
+
+    fn bend(&self, a: u32, b: u32) -> f64 {
+        let bend = self.apexes[a as usize].bend().min(self.apexes[b as usize].bend());
+        if bend < CREASED { bend } else { 0.0 }
     }
 
     fn emphasis(&self, points: &mut dyn Iterator<Item = u32>, square: f64) -> f64 {

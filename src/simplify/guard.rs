@@ -9,6 +9,9 @@ use crate::mesh::surface::Surface;
 use crate::mesh::surgery::{Merge, holds};
 use smallvec::SmallVec;
 
+/// Variance of the normals around a point from which the surface counts as bent.
+const BENT: f64 = 1e-5;
+
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
@@ -82,6 +85,11 @@ impl Needles {
             _ => (0.06, SLOPE_SQUARED),
         };
         Self { quality, slope_squared }
+    }
+
+    /// Those of a place with this [bend](Cost::bend): along a cylinder needles are the faces that fit.
+    pub fn where_bent(self, bend: f64) -> Self {
+        Self { slope_squared: self.slope_squared / (1.0 + bend / BENT).powi(2), ..self }
     }
 }
 

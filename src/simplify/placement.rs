@@ -70,6 +70,12 @@ impl Apex {
         self.mean[0]
     }
 
+    /// Variance of the normals around the point.
+    pub fn bend(&self) -> f64 {
+        let [xx, _, _, yy, _, zz] = self.spread();
+        if self.weight() > 0.0 { f64::from((xx + yy + zz) / self.weight()) } else { 0.0 }
+    }
+
     fn mean(&self) -> Vec3 {
         Vec3::new(self.mean[1], self.mean[2], self.mean[3])
     }
