@@ -5,8 +5,8 @@ use crate::mesh::edges::{Edge, EdgeKind};
 use crate::mesh::surface::Surface;
 use crate::tasks;
 use glam::DVec3;
-use std::f32::consts::FRAC_PI_2;
-use std::f64::consts::PI;
+use smallvec::SmallVec;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use wide::f32x4;
 
 /// Gaussian curvature and surrounding area of a point.
@@ -29,6 +29,7 @@ impl Curvature {
             angle += cross.atan2(a.dot(b));
             area += cross * 0.5;
         }
+        use std::f64::consts::PI;
         let full = if border { PI } else { 2.0 * PI };
         // A point whose faces have no area has no curvature that could be told from noise.
         let gauss = if area > f64::MIN_POSITIVE { 3.0 * (full - angle) / area } else { 0.0 };
@@ -60,9 +61,24 @@ pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
             angle += face[(corner & 3) as usize];
             area += face[3];
         }
-        let full = if border[p] { std::f32::consts::PI } else { 2.0 * std::f32::consts::PI };
-        if area > f32::MIN_POSITIVE { 3.0 * (full - angle) / area } else { 0.0 }
+        let once = if border[p] { PI } else { TAU };
+        // Several sheets through the point are flat where each of them is.
+        let full = once + TAU * ((angle - once) / TAU).round().max(0.0);
+        let deficit = full - angle;
+        let turn = if border[p] { deficit.abs().max(border_turn(surface, p as u32)) } else { deficit };
+        if area > f32::MIN_POSITIVE { 3.0 * turn / area } else { 0.0 }
     })
+}
+
+/// The angle by which the border turns at a point, in space: in a flat sheet that is the angle deficit, at the end of a tube it is that of the cap which is
+/// not there. 0 where not exactly two border edges meet.
+fn border_turn(surface: &Surface, p: u32) -> f32 {
+    let ring = surface.ring(p);
+    let links = || ring.iter().flat_map(|&corner| surface.opposite(corner));
+    let ends: SmallVec<[u32; 4]> = links().filter(|&q| links().filter(|&r| r == q).count() == 1).collect();
+    let &[a, b] = ends.as_slice() else { return 0.0 };
+    let [before, here, after] = [a, p, b].map(|q| surface.points[q as usize]);
+    (here - before).angle_between(after - here) as f32
 }
 
 fn angles_and_areas(triangles: [[DVec3; 3]; 4]) -> [[f32; 4]; 4] {
@@ -106,4 +122,39 @@ pub(crate) fn normal_and_area([a, b, c]: [DVec3; 3]) -> (DVec3, f64) {
     let cross = (b - a).cross(c - a);
     let length = cross.length();
     if length > 0.0 { (cross / length, length * 0.5) } else { (DVec3::ZERO, 0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::mesh::edges::collect_edges;
+
+    fn curvatures(mesh: &Mesh) -> Vec<f32> {
+        let surface = Surface::new(mesh);
+        gauss_curvatures(&surface, &border_points(surface.points.len(), &collect_edges(&surface)))
+    }
+
+    /// A prism over a triangle, open at both ends: flat by its angles, but its ends turn by 120° at each point.
+    #[test]
+    fn the_end_of_a_tube_is_a_tip() {
+        let ring = [[1.0, 0.0], [-0.5, 0.866_025_4], [-0.5, -0.866_025_4]];
+        let positions: Vec<[f32; 3]> = [0.0, 1.0].iter().flat_map(|&z| ring.map(|[x, y]| [x, y, z])).collect();
+        let triangles = (0..3).flat_map(|i| {
+            let (a, b) = (i, (i + 1) % 3);
+            [[a, b, b + 3], [a, b + 3, a + 3]]
+        });
+        let mesh = Mesh { triangles: triangles.collect(), positions, ..Mesh::default() };
+        // Three faces of half of √3 at each point.
+        let expected = 3.0 * (TAU / 3.0) / (1.5 * 3f32.sqrt());
+        assert!(curvatures(&mesh).iter().all(|k| (k / expected - 1.0).abs() < 1e-3), "{:?}", curvatures(&mesh));
+    }
+
+    #[test]
+    fn sheets_with_two_sides_are_as_flat_as_others() {
+        let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
+        let front = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]];
+        let triangles = front.into_iter().chain(front.map(|[a, b, c]| [c, b, a])).collect();
+        assert!(curvatures(&Mesh { positions, triangles, ..Mesh::default() })[0].abs() < 1e-3);
+    }
 }

@@ -103,6 +103,8 @@ fn is_regular(surface: &Surface, point: u32) -> bool {
     let one_wedge = ring.iter().all(|corner| wedge(corner) == wedge(&ring[0]));
     one_wedge
         && match ring.len() {
+            // Two faces back to back.
+            2 => false,
             0..=8 => is_closed::<8>(surface, ring),
             9..=32 => is_closed::<32>(surface, ring),
             _ => false,
@@ -215,7 +217,8 @@ pub(crate) fn special_edges(surface: &Surface, point: u32) -> SmallVec<[Edge; 4]
             let known = &fan.links.as_flattened()[..2 * i + side];
             if !holds(known, p) {
                 let count = |side: usize| fan.links.iter().filter(|link| link[side] == p).count();
-                if surface.has_seams() || count(0) != 1 || count(1) != 1 {
+                let is_fold = || fan.links.contains(&[link[1], link[0]]);
+                if surface.has_seams() || count(0) != 1 || count(1) != 1 || is_fold() {
                     found.push(Edge::between(surface, point, p, &fan.sides(ring, p)));
                 }
             }
@@ -239,6 +242,10 @@ fn classify(surface: &Surface, sides: &[Side]) -> EdgeKind {
     if first.1 == second.1 {
         kind = kind.with(EdgeKind::COMPLEX);
     }
+    let third = |side: Side| surface.opposite(side.0)[usize::from(side.1)];
+    if third(first) == third(second) {
+        kind = kind.with(EdgeKind::FOLD);
+    }
     if !surface.has_seams() {
         return kind;
     }
@@ -255,7 +262,7 @@ fn classify(surface: &Surface, sides: &[Side]) -> EdgeKind {
         if surface.wedges.group(w1.0) != surface.wedges.group(w2.0) {
             kind = kind.with(EdgeKind::MATERIAL);
         }
-        // A fold without a seam would cost two normals an edge; sheets with two sides have different normals there.
+        // Two normals an edge are dear: without a seam only faces over the same points are a fold.
         let normal = |side: Side| {
             let [p, q, r] = surface.triangle(Surface::face_of(side.0));
             (q - p).cross(r - p).normalize_or_zero()

@@ -85,6 +85,10 @@ macro_rules! each_key {
         /// Borders between materials. `lock` wherever primitives are drawn or swapped apart from each other.
         material_border: EdgePolicy,
 
+        /// Cards, small open parts such as leaves and blades of grass, go as a whole, and those that stay grow about their stems or centres,
+        /// threefold at most, until all cover the area that they had. Texture coordinates stay. With `placement = "subset"` they do not grow.
+        keep_area: bool,
+
         /// How much attributes count against positions.
         attribute_weights: WeightKeys,
 
@@ -440,6 +444,7 @@ macro_rules! replaced {
 }
 
 replaced!(
+    bool,
     Placed<bool>,
     Placed<Levels>,
     Placed<Coverage>,

@@ -57,6 +57,7 @@ fn resolve_simplify(keys: &Keys) -> Result<simplify::Options> {
         border: required(keys.border, "border")?.into(),
         seam: required(keys.seam, "seam")?.into(),
         material_border: required(keys.material_border, "material_border")?.into(),
+        keep_area: required(keys.keep_area, "keep_area")?,
         attribute_weights: resolve_weights(required(keys.attribute_weights, "attribute_weights")?)?,
     })
 }

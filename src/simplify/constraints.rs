@@ -16,16 +16,27 @@ const SEAM_WEIGHT_AT_ENDS: f64 = 1.5;
 /// The same for a border between materials.
 const MATERIAL_WEIGHT: f64 = 0.5;
 
+/// Cosine of the angle by which a face may bend away from one that it continues.
+const CONTINUES: f64 = 0.5;
+
 /// Normals of the planes that stand on an edge, one for each of its faces, perpendicular to it. With two sides of different normals both
-/// count: a fold keeps its outline whatever side is seen.
+/// count: a fold keeps its outline whatever side is seen. Where many faces meet, those that go on beyond the edge have no outline there: sheets
+/// with two sides, a floor on which a wall stands.
 pub(crate) fn upright_planes(surface: &Surface, edge: &Edge) -> SmallVec<[DVec3; 2]> {
     let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
+    // Points into the face.
     let upright = |&c: &u32| {
         let (normal, _) = normal_and_area(surface.triangle(Surface::face_of(c)));
-        normal.cross(b - a).normalize_or_zero()
+        let way = if surface.opposite(c)[0] == edge.b { 1.0 } else { -1.0 };
+        normal.cross(b - a).normalize_or_zero() * way
     };
     let on_edge = surface.ring(edge.a).iter().filter(|&&c| surface.opposite(c).contains(&edge.b));
-    on_edge.map(upright).filter(|n| *n != DVec3::ZERO).collect()
+    let mut planes: SmallVec<[DVec3; 2]> = on_edge.map(upright).filter(|n| *n != DVec3::ZERO).collect();
+    if edge.kind.has(EdgeKind::COMPLEX) {
+        let all = planes.clone();
+        planes.retain(|n| all.iter().all(|m| m.dot(*n) > -CONTINUES));
+    }
+    planes
 }
 
 /// The policies of a run.
@@ -75,5 +86,39 @@ impl Constraints {
             locked[edge.b as usize] = true;
         }
         locked
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::mesh::edges::collect_edges;
+
+    /// Two triangles over a square, and what else is given.
+    fn surface(rest: &[[u32; 3]]) -> Surface {
+        let positions =
+            vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.5, 0.5, 1.0], [0.5, 0.5, -1.0]];
+        Surface::new(&Mesh { positions, triangles: [&[[0, 1, 2], [0, 2, 3]], rest].concat(), ..Mesh::default() })
+    }
+
+    /// How many planes stand on the edge between two points.
+    fn planes(surface: &Surface, a: u32, b: u32) -> usize {
+        let edges = collect_edges(surface);
+        let edge = edges.iter().find(|e| [e.a, e.b] == [a, b]).expect("an edge");
+        if edge.kind.is_plain() { 0 } else { upright_planes(surface, edge).len() }
+    }
+
+    #[test]
+    fn sheets_with_two_sides_have_an_outline_and_no_inner_ones() {
+        let sheet = surface(&[[2, 1, 0], [3, 2, 0]]);
+        assert_eq!(planes(&sheet, 0, 2), 0);
+        assert_eq!(planes(&sheet, 0, 1), 2);
+    }
+
+    #[test]
+    fn a_wall_ends_on_the_floor_that_goes_on() {
+        assert_eq!(planes(&surface(&[[0, 2, 4]]), 0, 2), 1);
+        assert_eq!(planes(&surface(&[[0, 2, 4], [0, 2, 5]]), 0, 2), 0);
     }
 }

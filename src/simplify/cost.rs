@@ -57,11 +57,25 @@ pub(crate) trait Cost: Send + Sync {
     /// What it costs that `area` of the surface is off by the root of `distance_squared`: makes other changes comparable with collapses.
     fn weigh(&self, area: f64, distance_squared: f64) -> f64;
 
+    /// How much the surface bends between two points, as a cylinder does: the variance of the normals around them. 0 where it is flat or creased, or
+    /// nothing is known.
+    fn bend(&self, _a: u32, _b: u32) -> f64 {
+        0.0
+    }
+
+    /// How much an error counts where a piece around these points, of this squared diagonal, is lost.
+    fn emphasis(&self, _points: &mut dyn Iterator<Item = u32>, _square: f64) -> f64 {
+        1.0
+    }
+
     /// Follows a collapse that was done, whose faces are `fan`.
     fn follow_faces(&mut self, _merge: &Merge, _fan: &Fan) {}
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);
+
+    /// Follows a collapse that bent the rules of topology: anything may have become of the edges around `kept`.
+    fn broke(&mut self, _surface: &Surface, _kept: u32) {}
 
     /// Makes room for points that `surface` has and the cost has not met: those that a refinement made.
     fn grow(&mut self, _surface: &Surface) {}

@@ -11,7 +11,7 @@ use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
 use super::fan::Fan;
 use super::options::{AttributeWeights, Options, Placement};
-use super::placement::{Apex, Facet, LANES, Lanes, Subject, estimate};
+use super::placement::{Apex, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, special_edges};
@@ -23,6 +23,9 @@ use glam::{DVec3, Vec3};
 /// How much more normals and colours count where points stay.
 const NORMALS_AT_ENDS: f32 = 3.5;
 const COLORS_AT_ENDS: f32 = 10.0;
+
+/// Variance of the normals around a point from which there is a crease, along which needles are no use.
+const CREASED: f64 = 0.05;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
@@ -242,6 +245,17 @@ impl Cost for Enhanced {
         if self.at_ends { area.sqrt() * distance_squared } else { area * distance_squared }
     }
 
+    fn bend(&self, a: u32, b: u32) -> f64 {
+        let bend = self.apexes[a as usize].bend().min(self.apexes[b as usize].bend());
+        if bend < CREASED { bend } else { 0.0 }
+    }
+
+    fn emphasis(&self, points: &mut dyn Iterator<Item = u32>, square: f64) -> f64 {
+        let (sum, count) = points
+            .fold((0.0, 0.0), |(sum, count), p| (sum + f64::from(self.apexes[p as usize].curvature()), count + 1.0));
+        emphasis(sum / count, square, self.options.curvature_weight)
+    }
+
     fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {
         for (corners, four) in merge.spokes.chunks(LANES).zip(fan.fours()) {
             for (&corner, facet) in corners.iter().zip(four.facets()) {
@@ -256,6 +270,11 @@ impl Cost for Enhanced {
         let gone = self.apexes[gone as usize].curvature();
         let kept = self.apexes[kept as usize].curvature_mut();
         *kept = 0.5 * (*kept + gone);
+    }
+
+    fn broke(&mut self, surface: &Surface, kept: u32) {
+        self.ridged[kept as usize] = true;
+        surface.neighbours(kept).iter().for_each(|&p| self.ridged[p as usize] = true);
     }
 
     fn grow(&mut self, surface: &Surface) {

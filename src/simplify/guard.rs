@@ -9,10 +9,15 @@ use crate::mesh::surface::Surface;
 use crate::mesh::surgery::{Merge, holds};
 use smallvec::SmallVec;
 
+/// Variance of the normals around a point from which the surface counts as bent.
+const BENT: f64 = 1e-5;
+
 /// Why a collapse was refused or fined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Cause {
     Vanish,
+    /// The last four faces of a piece would become two, back to back.
+    Flatten,
     Link,
     Flip,
     Needle,
@@ -25,7 +30,7 @@ pub(crate) enum Cause {
 impl Refusals {
     pub(crate) fn count(&mut self, cause: Cause) {
         *match cause {
-            Cause::Link | Cause::Vanish => &mut self.link,
+            Cause::Link | Cause::Flatten | Cause::Vanish => &mut self.link,
             Cause::Flip => &mut self.flip,
             Cause::Needle => &mut self.needle,
             Cause::Border => &mut self.border,
@@ -38,6 +43,8 @@ impl Cause {
     /// What the collapse pays if it may happen all the same; `None` if it may not.
     fn fine(self) -> Option<f64> {
         match self {
+            // The next thing to happen to it is that it goes as a whole.
+            Self::Flatten => Some(1.0),
             Self::Needle => Some(4.0),
             // What closes a handle or flattens a plank to a card: better than losing the plank.
             Self::Link => Some(8.0),
@@ -79,12 +86,21 @@ impl Needles {
         };
         Self { quality, slope_squared }
     }
+
+    /// Those of a place with this [bend](Cost::bend): along a cylinder needles are the faces that fit.
+    pub fn where_bent(self, bend: f64) -> Self {
+        Self { slope_squared: self.slope_squared / (1.0 + bend / BENT).powi(2), ..self }
+    }
 }
 
-/// Checks that something is left of the piece.
-pub(crate) fn check_remains(merge: &Merge) -> Result<(), Cause> {
-    // Whole pieces go at a price of their own, see `prune`.
-    if merge.spokes.is_empty() { Err(Cause::Vanish) } else { Ok(()) }
+/// Checks what is left of the piece.
+pub(crate) fn check_remains(merge: &Merge, paid: bool) -> Result<(), Cause> {
+    match (merge.spokes.len(), merge.faces.len()) {
+        // Whole pieces go at a price of their own, see `prune`.
+        (0, _) => Err(Cause::Vanish),
+        (2, 2) if !paid && merge.rims[0] == [merge.rims[1][1], merge.rims[1][0]] => Err(Cause::Flatten),
+        _ => Ok(()),
+    }
 }
 
 /// Checks topology: the collapse must not join sheets or close holes (link condition). `border`: which points lie on an open edge.

@@ -1,5 +1,6 @@
 //! The chain: one run from fine to coarse, a snapshot at each target.
 
+use super::cards::Cards;
 use super::deviation::Deviation;
 use super::options::{Algorithm, Effort, Mode, Options, Placement, Schedule, Target};
 use super::reducer::Reducer;
@@ -49,8 +50,9 @@ pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     let refiner = is_refined(options).then(|| Refiner::new(&reducer.surface, options.effort));
     let is_fitted = options.algorithm == Algorithm::Esqem(Mode::Enhanced) && options.placement == Placement::Optimal;
     let shading = if is_fitted { Shading::new(&reducer.surface) } else { None };
+    let cards = if options.keep_area { Cards::find(&reducer.surface, &reducer.edges) } else { None };
     let workspace = passes::Workspace::default();
-    let mut chain = Builder { mesh, options, reducer, workspace, deviation: None, refiner, shading };
+    let mut chain = Builder { mesh, options, reducer, workspace, deviation: None, refiner, shading, cards };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();
     Ok(Chain { levels })
 }
@@ -71,6 +73,7 @@ struct Builder<'a> {
     deviation: Option<Deviation>,
     refiner: Option<Refiner>,
     shading: Option<Shading>,
+    cards: Option<Cards>,
 }
 
 impl Builder<'_> {
@@ -90,12 +93,15 @@ impl Builder<'_> {
         Level { mesh, source_vertices, stop, refusals: self.reducer.refusals }
     }
 
-    /// The surface as it is, with the normals that suit it.
+    /// The surface as it is, with the normals that suit it, and cards that make up for those that are gone.
     fn level_mesh(&self) -> Mesh {
         let surface = &self.reducer.surface;
         let mut mesh = surface.to_mesh();
         if let Some(shading) = &self.shading {
             shading.fit(surface, &mut mesh);
+        }
+        if let Some(cards) = &self.cards {
+            cards.grow(surface, &mut mesh);
         }
         mesh
     }

@@ -2,6 +2,7 @@
 
 mod appearance;
 mod buckets;
+mod cards;
 mod constraints;
 mod cost;
 mod deviation;

@@ -31,6 +31,9 @@ pub struct Options {
     pub seam: EdgePolicy,
     /// Borders between groups (materials).
     pub material_border: EdgePolicy,
+    /// Cards, small open parts such as leaves, go as a whole, and those that stay grow until all cover the area that they had. With
+    /// [`Placement::Subset`] they do not grow.
+    pub keep_area: bool,
     /// How much attributes count against positions.
     pub attribute_weights: AttributeWeights,
 }
@@ -209,6 +212,7 @@ impl Default for Options {
             border: EdgePolicy::Preserve,
             seam: EdgePolicy::Preserve,
             material_border: EdgePolicy::Preserve,
+            keep_area: false,
             attribute_weights: AttributeWeights::default(),
         }
     }

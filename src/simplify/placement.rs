@@ -70,6 +70,12 @@ impl Apex {
         self.mean[0]
     }
 
+    /// Variance of the normals around the point.
+    pub fn bend(&self) -> f64 {
+        let [xx, _, _, yy, _, zz] = self.spread();
+        if self.weight() > 0.0 { f64::from((xx + yy + zz) / self.weight()) } else { 0.0 }
+    }
+
     fn mean(&self) -> Vec3 {
         Vec3::new(self.mean[1], self.mean[2], self.mean[3])
     }
@@ -254,6 +260,11 @@ fn factor(a: [f32x4; 3], b: [f32x4; 3], curvature: f32x4, length_squared: f32x4,
     let angle = (splat(1.0 + FLAT_ANGLE) - cosine).fast_max(splat(0.0)).sqrt().sqrt().sqrt();
     let curvature = (splat(0.5) * curvature * length_squared).fast_min(splat(CURVATURE_CAP));
     (splat(1.0) + splat(curvature_weight * CURVATURE_SCALE) * curvature) * angle
+}
+
+/// How much the curvature lets an error count that reaches so far.
+pub(super) fn emphasis(curvature: f64, length_squared: f64, curvature_weight: f32) -> f64 {
+    1.0 + f64::from(curvature_weight * CURVATURE_SCALE) * (curvature * length_squared).min(f64::from(CURVATURE_CAP))
 }
 
 /// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is

@@ -8,6 +8,9 @@ use glam::DVec3;
 /// A rope is seen for its length: no piece counts less area than this share of its squared diagonal.
 const SEEN_SHARE: f64 = 0.1;
 
+/// 2³² over the golden ratio, an odd number: its multiples lie far apart.
+const GOLDEN: u32 = 0x9e37_79b9;
+
 /// A connected piece of the surface.
 #[derive(Debug, Clone)]
 pub(crate) struct Piece {
@@ -28,7 +31,9 @@ pub(crate) fn are_there_pieces(surface: &Surface) -> bool {
 /// The connected pieces, cheapest first, without the dearest: that one stays.
 pub(crate) fn pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
     let mut pieces = split_pieces(surface, cost);
-    pieces.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(a.faces.cmp(&b.faces)));
+    // Of equal ones neighbours in the order of faces are mostly neighbours in space: they must not go one after the other.
+    let scattered = |piece: &Piece| piece.faces.first().map_or(0, |f| f.wrapping_mul(GOLDEN));
+    pieces.sort_by(|a, b| a.cost.total_cmp(&b.cost).then(scattered(a).cmp(&scattered(b))));
     pieces.pop();
     pieces
 }
@@ -54,31 +59,47 @@ pub(crate) fn remove(surface: &mut Surface, piece: &Piece, most: usize) -> usize
 }
 
 fn split_pieces(surface: &Surface, cost: &dyn Cost) -> Vec<Piece> {
+    let weigh = |Part { faces, area, low, high }: Part| {
+        let square = low.distance_squared(high);
+        let mut points = faces.iter().flat_map(|&f| surface.face(f as usize));
+        let emphasis = cost.emphasis(&mut points, square);
+        Piece { cost: emphasis * cost.weigh(area.max(SEEN_SHARE * square), square), faces }
+    };
+    find_parts(surface).into_iter().map(weigh).collect()
+}
+
+/// Faces that hang together.
+#[derive(Debug, Clone)]
+pub(crate) struct Part {
+    /// In order.
+    pub faces: Vec<u32>,
+    pub area: f64,
+    /// Corners of the bounding box.
+    pub low: DVec3,
+    pub high: DVec3,
+}
+
+/// The connected parts of the surface, in the order of their first faces.
+pub(crate) fn find_parts(surface: &Surface) -> Vec<Part> {
     let mut parent = join_faces(surface);
     let mut index = vec![u32::MAX; surface.points.len()];
-    let mut gathered: Vec<(Vec<u32>, f64, DVec3, DVec3)> = Vec::new();
+    let mut parts: Vec<Part> = Vec::new();
     for f in surface.live_faces() {
         let root = find(&mut parent, surface.face(f)[0]) as usize;
         if index[root] == u32::MAX {
-            index[root] = gathered.len() as u32;
-            gathered.push((Vec::new(), 0.0, DVec3::INFINITY, DVec3::NEG_INFINITY));
+            index[root] = parts.len() as u32;
+            parts.push(Part { faces: Vec::new(), area: 0.0, low: DVec3::INFINITY, high: DVec3::NEG_INFINITY });
         }
-        let (faces, area, low, high) = &mut gathered[index[root] as usize];
-        faces.push(f as u32);
+        let part = &mut parts[index[root] as usize];
+        part.faces.push(f as u32);
         let triangle = surface.triangle(f);
-        *area += normal_and_area(triangle).1;
+        part.area += normal_and_area(triangle).1;
         for p in triangle {
-            *low = low.min(p);
-            *high = high.max(p);
+            part.low = part.low.min(p);
+            part.high = part.high.max(p);
         }
     }
-    gathered
-        .into_iter()
-        .map(|(faces, area, low, high)| {
-            let square = low.distance_squared(high);
-            Piece { faces, cost: cost.weigh(area.max(SEEN_SHARE * square), square / 3.0) }
-        })
-        .collect()
+    parts
 }
 
 /// A forest of points with one tree for each piece.

@@ -45,6 +45,8 @@ pub(crate) struct Reducer {
     needles: Needles,
     /// Joined points go to an end and have its wedges.
     to_ends: bool,
+    /// Of a card nothing or all of its last two faces goes.
+    whole_cards: bool,
     effort: Effort,
 }
 
@@ -88,6 +90,7 @@ impl Reducer {
             fan: Fan::default(),
             needles: Needles::of(options),
             to_ends,
+            whole_cards: options.keep_area,
             effort: options.effort,
         }
     }
@@ -245,7 +248,7 @@ impl Reducer {
         if let Err(cause) = self.check(merge, candidate, terms) {
             self.refusals.count(cause);
             return cause
-                .fined(&*self.cost, candidate, along.length_squared(), self.needles)
+                .fined(&*self.cost, candidate, along.length_squared(), self.needles.where_bent(self.cost.bend(a, b)))
                 .map_or(Outcome::Refused, Outcome::Fined);
         }
         let solves = !self.to_ends && !self.surface.wedges.is_plain();
@@ -269,11 +272,17 @@ impl Reducer {
         }
         self.cost.follow_faces(merge, &self.fan);
         self.cost.merged(&self.surface, a, b);
+        if terms.paid {
+            self.cost.broke(&self.surface, a);
+        }
         Outcome::Done(merge.faces.len())
     }
 
     fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
-        check_remains(merge)?;
+        check_remains(merge, terms.paid)?;
+        if self.whole_cards && merge.spokes.len() == merge.faces.len() {
+            return Err(Cause::Vanish);
+        }
         let worst = self.fan.look(&self.surface, merge, candidate.position)?;
         if !terms.paid {
             check_needles(&self.surface, merge, worst, self.needles.quality)?;

@@ -2,8 +2,10 @@
 
 #![allow(dead_code)] // Every test binary uses its part.
 
+pub mod awkward;
 pub mod difference;
 pub mod lod_rules;
+pub mod projection;
 pub mod reader;
 pub mod surface;
 
