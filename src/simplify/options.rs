@@ -156,10 +156,10 @@ pub enum Placement {
 pub enum Effort {
     /// Collapses only.
     Fast,
-    /// Collapses, then refinement of the worst spots.
+    /// Collapses in a stricter order, then refinement of the levels that have samples enough: those below about a seventh of the source.
     #[default]
     Default,
-    /// Collapses in strict order, then more refinement.
+    /// Collapses in nearly strict order, then more refinement, of all levels up to half of the source.
     Best,
 }
 
