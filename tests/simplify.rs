@@ -1,7 +1,7 @@
 //! The simplifier's promises on meshes of every kind, through the public library.
 
 use gltf_lod::mesh::{Attribute, Mesh, Semantic, Skin};
-use gltf_lod::simplify::{Algorithm, EdgePolicy, Mode, Options, Schedule, Stop, Target, simplify};
+use gltf_lod::simplify::{Algorithm, EdgePolicy, Effort, Mode, Options, Placement, Schedule, Stop, Target, simplify};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -312,6 +312,32 @@ fn any_options() -> impl Strategy<Value = Options> {
             ..options(&[ratio, ratio * 0.5])
         },
     )
+}
+
+#[test]
+fn the_parts_of_a_large_surface_depend_on_no_thread_count() {
+    let levels = [0.5, 0.45, 0.1, 0.01].map(Target::ratio).to_vec();
+    let closed = sphere(200, 0.2);
+    let mut open = terrain(280, 0.1);
+    open.attributes.clear();
+    for (mesh, placement) in [(&closed, Placement::Optimal), (&open, Placement::Optimal), (&closed, Placement::Subset)]
+    {
+        let options = Options { levels: levels.clone(), effort: Effort::Fast, placement, ..Options::default() };
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| {
+                simplify(mesh, &options).expect("valid").levels.into_iter().map(|l| l.mesh).collect::<Vec<_>>()
+            })
+        };
+        let alone = with(1);
+        for (level, target) in alone.iter().zip(&levels) {
+            let wanted = target.count(mesh.triangles.len(), 4);
+            assert!(level.triangles.len().abs_diff(wanted) <= 1, "{} for {wanted}", level.triangles.len());
+        }
+        for threads in [2, 5] {
+            assert!(alone == with(threads), "other levels on {threads} threads");
+        }
+    }
 }
 
 proptest! {

@@ -80,6 +80,16 @@ impl Irregular {
         }
     }
 
+    /// What is known of some points.
+    pub fn pick(&self, points: &[u32]) -> Self {
+        Self(points.iter().map(|&p| self.0[p as usize]).collect())
+    }
+
+    /// Takes what has become of some points.
+    pub fn merge(&mut self, part: &Self, points: &[u32]) {
+        points.iter().zip(&part.0).for_each(|(&p, &is)| self.0[p as usize] |= is);
+    }
+
     /// Makes room for points at plain edges only.
     pub fn grow(&mut self, points: usize) {
         self.0.resize(points, false);

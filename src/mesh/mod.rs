@@ -4,6 +4,7 @@
 
 pub(crate) mod edges;
 mod pose;
+pub(crate) mod regions;
 pub(crate) mod surface;
 pub(crate) mod surgery;
 mod validate;

@@ -4,6 +4,7 @@
 //! corner at a point, whatever the order, so that non-manifold meshes need no special case.
 
 use super::Mesh;
+use super::regions::Region;
 use super::surgery::{Merge, holds};
 use super::wedges::Wedges;
 use super::weld::weld;
@@ -31,7 +32,7 @@ pub(crate) struct Surface {
     pub wedges: Wedges,
     rings: Rings,
     live: usize,
-    /// For each point the one it was joined to; itself if it was not.
+    /// For each point the one it was joined to; itself if it was not. Empty where nobody asks.
     heirs: Vec<u32>,
 }
 
@@ -100,7 +101,7 @@ impl Rings {
         }
         self.pool.clear();
         // Joined rings go to the end.
-        self.pool.reserve_exact(start as usize * 15 / 8);
+        self.pool.reserve_exact(start as usize * 3 / 2);
         self.pool.resize(start as usize, 0);
         for (f, face) in faces.iter().enumerate().filter(|(_, f)| f[0] != DEAD) {
             for (k, &p) in face.iter().enumerate() {
@@ -143,8 +144,23 @@ impl Rings {
         self.spans[point as usize].length = 0;
     }
 
+    #[cold]
+    fn close_gaps(&mut self) {
+        let live: usize = self.spans.iter().map(|span| span.length as usize).sum();
+        let mut pool = Vec::with_capacity(live * 3 / 2 + 256);
+        for span in &mut self.spans {
+            let start = pool.len() as u32;
+            pool.extend_from_slice(&self.pool[span.start as usize..][..span.length as usize]);
+            span.start = start;
+        }
+        self.pool = pool;
+    }
+
     /// Makes `corners` the ring of `point`: in the place of the one it has, if they fit.
     fn replace(&mut self, point: u32, corners: &[Corner]) {
+        if self.pool.len() + corners.len() > self.pool.capacity() {
+            self.close_gaps();
+        }
         let span = &mut self.spans[point as usize];
         if corners.len() > span.length as usize {
             span.start = self.pool.len() as u32;
@@ -331,16 +347,23 @@ impl Surface {
         self.points.push(position);
         self.rings.spans.push(Span::default());
         let point = self.points.len() as u32 - 1;
-        self.heirs.push(point);
+        if !self.heirs.is_empty() {
+            self.heirs.push(point);
+        }
         point
     }
 
     /// The point that `point` has become part of.
     pub fn heir(&self, mut point: u32) -> u32 {
-        while self.heirs[point as usize] != point {
-            point = self.heirs[point as usize];
+        while let Some(&heir) = self.heirs.get(point as usize).filter(|heir| **heir != point) {
+            point = heir;
         }
         point
+    }
+
+    /// Nobody will ask for [heirs](Self::heir).
+    pub fn forget_heirs(&mut self) {
+        self.heirs = Vec::new();
     }
 
     /// Does what `merge` says; `kept` moves to `position`.
@@ -364,7 +387,9 @@ impl Surface {
         self.rings.replace(kept, &merge.spokes);
         self.rings.clear(gone);
         self.points[kept as usize] = position;
-        self.heirs[gone as usize] = kept;
+        if let Some(heir) = self.heirs.get_mut(gone as usize) {
+            *heir = kept;
+        }
     }
 
     /// Drops dead faces and the gaps in the rings. Face ids change, their order and all point ids stay. Gives whether there was anything to drop.
@@ -386,6 +411,71 @@ impl Surface {
         self.corners.truncate(next);
         self.rings.rebuild(self.points.len(), &self.faces);
         true
+    }
+
+    /// Whether every point has one wedge, which carries nothing.
+    pub fn is_bare(&self) -> bool {
+        !self.has_seams() && self.wedges.is_plain() && !self.wedges.has_groups()
+    }
+
+    /// The wedges of the points of a [bare](Self::is_bare) surface; empty if they have the same numbers.
+    pub fn wedges_of(&self, points: &[u32]) -> Vec<u32> {
+        if self.corners.is_empty() {
+            return Vec::new();
+        }
+        points.iter().map(|&p| self.ring(p).first().map_or(p, |&corner| self.wedge_at(corner))).collect()
+    }
+
+    /// A surface of these faces between points of this one, which is [bare](Self::is_bare).
+    pub fn part(&self, region: &Region, faces: Vec<[u32; 3]>) -> Self {
+        let points = &region.points;
+        let mut part = Self {
+            frame: self.frame,
+            points: points.iter().map(|&p| self.points[p as usize]).collect(),
+            live: faces.len(),
+            faces,
+            corners: Vec::new(),
+            wedges: self.wedges.pick(region.wedges()),
+            rings: Rings::default(),
+            heirs: (0..if self.heirs.is_empty() { 0 } else { points.len() as u32 }).collect(),
+        };
+        part.rings.rebuild(points.len(), &part.faces);
+        part
+    }
+
+    /// Drops all faces, and where points are; their number stays.
+    pub fn drop_points_and_faces(&mut self) {
+        self.points = Vec::new();
+        (self.faces, self.corners) = Default::default();
+        self.rings = Rings::default();
+        self.live = 0;
+    }
+
+    /// Takes the faces of a [part](Self::part) and where its points are, of the `count` there are in all. [`Self::close`] has to follow.
+    pub fn append(&mut self, part: &Self, region: &Region, count: usize) {
+        let (points, wedges) = (&region.points, region.wedges());
+        let tells_apart = !region.wedges.is_empty() || !part.corners.is_empty();
+        if tells_apart {
+            self.tell_wedges_apart();
+        }
+        if tells_apart || !self.corners.is_empty() {
+            let corners = part.corners_or_points();
+            self.corners.extend(part.live_faces().map(|f| corners[f].map(|w| wedges[w as usize])));
+        }
+        self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| points[p as usize])));
+        self.points.resize(count, DVec3::ZERO);
+        points.iter().zip(&part.points).for_each(|(&p, &position)| self.points[p as usize] = position);
+        for (&point, &heir) in points.iter().zip(&part.heirs) {
+            if points[heir as usize] != point {
+                self.heirs[point as usize] = points[heir as usize];
+            }
+        }
+    }
+
+    /// Finds the rings of faces that were [appended](Self::append).
+    pub fn close(&mut self) {
+        self.live = self.faces.len();
+        self.rings.rebuild(self.points.len(), &self.faces);
     }
 
     /// Leaves the first of several faces with the same wedges in the same cyclic order.

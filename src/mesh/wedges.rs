@@ -22,7 +22,8 @@ pub(crate) struct Wedges {
     /// Empty where all are in group 0.
     groups: Vec<u32>,
     skin: Option<Skin>,
-    /// The source vertex that each wedge came from.
+    count: usize,
+    /// The source vertex that each wedge came from; empty where nobody asks.
     origins: Vec<u32>,
 }
 
@@ -53,11 +54,18 @@ impl Wedges {
                 *bounds = (bounds.0.min(value), bounds.1.max(value));
             }
         }
-        Self { columns, stride, values, range, groups, skin, origins: vertices.to_vec() }
+        Self { columns, stride, values, range, groups, skin, count: vertices.len(), origins: vertices.to_vec() }
+    }
+
+    /// Some of the wedges; they carry nothing.
+    pub fn pick(&self, wedges: &[u32]) -> Self {
+        let origins = wedges.iter().filter_map(|&w| self.origins.get(w as usize)).copied().collect();
+        let (columns, values, range, groups) = Default::default();
+        Self { columns, values, range, groups, skin: None, count: wedges.len(), origins, ..*self }
     }
 
     pub fn len(&self) -> usize {
-        self.origins.len()
+        self.count
     }
 
     /// Whether there are several groups, as far as the source says.
@@ -87,6 +95,11 @@ impl Wedges {
     /// The source vertex that a wedge came from: it still is that vertex, if nothing has moved or changed it.
     pub fn origin(&self, wedge: u32) -> u32 {
         self.origins[wedge as usize]
+    }
+
+    /// Nobody will ask for [origins](Self::origin).
+    pub fn forget_origins(&mut self) {
+        self.origins = Vec::new();
     }
 
     pub fn row(&self, wedge: u32) -> &[f32] {
@@ -136,13 +149,14 @@ impl Wedges {
         if self.has_groups() {
             self.groups.push(self.groups[w]);
         }
-        self.origins.push(self.origins[w]);
+        self.origins.extend(self.origins.get(w).copied());
+        self.count += 1;
         if let Some(skin) = &mut self.skin {
             let n = skin.influences;
             skin.joints.extend_from_within(w * n..(w + 1) * n);
             skin.weights.extend_from_within(w * n..(w + 1) * n);
         }
-        self.origins.len() as u32 - 1
+        self.count as u32 - 1
     }
 
     /// Joint influences halfway (`t`) from wedge `a` to wedge `b`, as (joint, weight), strongest first.

@@ -7,7 +7,8 @@ use crate::mesh::edges::Edge;
 
 /// Bits of a cost below those that say which bucket it belongs to: the exponent and six bits of the mantissa do.
 const SHIFT: u32 = 17;
-const BUCKETS: usize = 1 << (31 - SHIFT);
+/// How many there are: the end of all.
+pub(crate) const BUCKETS: usize = 1 << (31 - SHIFT);
 
 /// No entry; the end of a list.
 const NONE: u32 = u32::MAX;
@@ -43,6 +44,11 @@ fn bucket_of(cost: f32) -> usize {
     (cost.to_bits() >> SHIFT) as usize
 }
 
+/// The least cost of a bucket.
+pub(crate) fn least_of(bucket: usize) -> f32 {
+    f32::from_bits((bucket as u32) << SHIFT)
+}
+
 impl Buckets {
     /// Starts with `edges` that cost `costs` ≥ 0, ranked at time 0. Those that cost infinitely much are left out.
     pub fn fill(&mut self, edges: &[Edge], costs: &[f32]) {
@@ -70,15 +76,20 @@ impl Buckets {
     /// Adds a collapse that costs `cost` ≥ 0.
     #[inline]
     pub fn push(&mut self, cost: f32, entry: Entry) {
+        if self.lists.is_full() && self.next > 0 {
+            // What was taken makes room.
+            self.sorted.drain(..std::mem::take(&mut self.next));
+            self.sorted.shrink_to_fit();
+        }
         self.lists.push(bucket_of(cost), entry);
     }
 
-    /// Takes one of the cheapest, with the most that it may cost.
+    /// Takes one of the cheapest, with the most that it may cost, if its bucket is below `end`.
     #[inline]
-    pub fn pop(&mut self) -> Option<(Entry, f32)> {
+    pub fn pop(&mut self, end: usize) -> Option<(Entry, f32)> {
         let listed = self.lists.first();
         let bucket = self.bucket.min(listed);
-        let entry = if bucket == BUCKETS {
+        let entry = if bucket >= end {
             return None;
         } else if bucket == listed {
             self.lists.pop(bucket)
@@ -90,6 +101,11 @@ impl Buckets {
             Entry { a, b, time: 0 }
         };
         Some((entry, f32::from_bits(((bucket as u32 + 1) << SHIFT) - 1)))
+    }
+
+    /// How many of those known from the start are left in each bucket.
+    pub fn counts(&self) -> &[u32] {
+        &self.left
     }
 
     fn find_bucket(&mut self) {
@@ -128,6 +144,11 @@ impl Lists {
         self.free = NONE;
     }
 
+    /// Whether one more entry takes more memory.
+    fn is_full(&self) -> bool {
+        self.free == NONE && self.entries.len() == self.entries.capacity()
+    }
+
     fn push(&mut self, bucket: usize, entry: Entry) {
         let link = (entry, self.heads[bucket]);
         self.heads[bucket] = match self.entries.get_mut(self.free as usize) {
@@ -135,7 +156,7 @@ impl Lists {
             None => {
                 if self.entries.len() == self.entries.capacity() {
                     // Doubling would leave half of what is the most memory of all unused.
-                    self.entries.reserve_exact(self.entries.len() / 4 + 256);
+                    self.entries.reserve_exact(self.entries.len() / 8 + 256);
                 }
                 self.entries.push(link);
                 self.entries.len() as u32 - 1
@@ -182,7 +203,7 @@ mod tests {
             let edges: Vec<Edge> = first.iter().zip(0..).map(edge).collect();
             let mut queue = Buckets::default();
             queue.fill(&edges, &first);
-            let taken = queue.pop();
+            let taken = queue.pop(BUCKETS);
             prop_assert_eq!(taken.is_some(), !first.is_empty());
             for (&cost, a) in later.iter().zip(1000..) {
                 queue.push(cost, Entry { a, b: 0, time: 1 });
@@ -193,7 +214,7 @@ mod tests {
                 all.remove(all.iter().position(|c| *c == first.iter().copied().fold(f32::INFINITY, f32::min)).unwrap_or(0));
             }
             let mut found = Vec::new();
-            while let Some((entry, most)) = queue.pop() {
+            while let Some((entry, most)) = queue.pop(BUCKETS) {
                 let cost = if entry.a >= 1000 { later[entry.a as usize - 1000] } else { first[entry.a as usize] };
                 prop_assert!(cost <= most && most <= cost * 1.02 + f32::MIN_POSITIVE, "{} {}", cost, most);
                 found.push(most);

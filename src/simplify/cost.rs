@@ -3,9 +3,11 @@
 use super::fan::Fan;
 use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
+use crate::mesh::regions::Region;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use glam::DVec3;
+use std::any::Any;
 
 /// A collapse that may be tried.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +22,7 @@ pub(crate) struct Candidate {
 pub(crate) const UNRANKED: f32 = f32::INFINITY;
 
 /// Cost and placement of edge collapses.
-pub(crate) trait Cost: Send + Sync {
+pub(crate) trait Cost: Any + Send + Sync {
     /// Looks at the whole surface before a pass; `edges` are all its edges.
     fn refresh(&mut self, surface: &Surface, edges: &[Edge]);
 
@@ -86,6 +88,19 @@ pub(crate) trait Cost: Send + Sync {
 
     /// After [`Self::update`] of a joined point and all around it: brings what depends on several of them up to date.
     fn settle(&mut self, _surface: &Surface, _point: u32) {}
+
+    /// Whether [`Self::split`] may be called.
+    fn is_separable(&self) -> bool {
+        false
+    }
+
+    /// Costs for parts of the surface; each of them has to be [joined](Self::join) again.
+    fn split(&mut self, _parts: &[(Region, Surface)]) -> Vec<Box<dyn Cost>> {
+        Vec::new()
+    }
+
+    /// Takes back what [`Self::split`] gave for a part of these points. A [refresh](Self::refresh) has to follow.
+    fn join(&mut self, _part: Box<dyn Cost>, _points: &[u32]) {}
 
     /// Whose edges cost something else after a collapse.
     fn reach(&self) -> Reach {

@@ -15,10 +15,13 @@ use super::placement::{Apex, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, special_edges};
+use crate::mesh::regions::Region;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::tasks;
 use glam::{DVec3, Vec3};
+use std::any::Any;
+use std::mem::take;
 
 /// How much more normals and colours count where points stay.
 const NORMALS_AT_ENDS: f32 = 3.5;
@@ -32,6 +35,8 @@ pub(crate) struct Enhanced {
     room: Room,
     options: Options,
     apexes: Vec<Apex>,
+    /// |K| of the points, as long as there are no apexes.
+    curvatures: Vec<f32>,
     /// Points at edges that have planes of their own.
     ridged: Vec<bool>,
     /// Of each face.
@@ -48,7 +53,8 @@ impl Enhanced {
             constraints: Constraints::new(options),
             room: Room::of(&surface.points),
             options: options.clone(),
-            apexes: curvatures.into_iter().map(|k| Apex::with_curvature(k.abs())).collect(),
+            apexes: Vec::new(),
+            curvatures: curvatures.into_iter().map(f32::abs).collect(),
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
             metric: Metric::new(surface, &attribute_weights(options)),
@@ -60,20 +66,31 @@ impl Enhanced {
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
         let factor = subject.factor(self.options.curvature_weight);
+        // By the old faces alone, which is what it costs at least.
         let end = |stays: u32, goes: u32| {
-            let position = surface.points[stays as usize];
             let mut error = subject.error_of_end(stays == b);
             if !self.metric.is_empty() {
                 error += self.metric.deviation_of_end(surface, stays, goes);
             }
-            let sweep = Sweep::new(surface, &self.facets, stays, goes);
-            let cost = sweep.cost(error, self.apexes[goes as usize].weight()) * factor;
-            cost.is_finite().then_some(Candidate { cost, position })
+            let area = self.apexes[goes as usize].weight();
+            (Sweep::default().cost(error, area) * factor, error, area, stays, goes)
+        };
+        let judge = |(_, error, area, stays, goes): (f64, f64, f32, u32, u32)| {
+            let cost = Sweep::new(surface, &self.facets, stays, goes).cost(error, area) * factor;
+            cost.is_finite().then_some(Candidate { cost, position: surface.points[stays as usize] })
         };
         match fixed {
-            Some(x) if x == surface.points[a as usize] => end(a, b),
-            Some(_) => end(b, a),
-            None => [end(a, b), end(b, a)].into_iter().flatten().min_by(|x, y| x.cost.total_cmp(&y.cost)),
+            Some(x) if x == surface.points[a as usize] => judge(end(a, b)),
+            Some(_) => judge(end(b, a)),
+            None => {
+                let (at_a, at_b) = (end(a, b), end(b, a));
+                let [first, second] = if at_b.0 < at_a.0 { [at_b, at_a] } else { [at_a, at_b] };
+                let best = judge(first);
+                match best {
+                    Some(best) if best.cost <= second.0 => Some(best),
+                    _ => [best, judge(second)].into_iter().flatten().min_by(|x, y| x.cost.total_cmp(&y.cost)),
+                }
+            }
         }
     }
 
@@ -114,6 +131,12 @@ impl Enhanced {
             cost += self.cost_of_attributes(surface, [a, b], position);
         }
         cost.is_finite().then_some(Candidate { cost, position })
+    }
+
+    /// Keeps what the next refresh cannot find again.
+    fn drop_apexes(&mut self) {
+        self.curvatures.extend(take(&mut self.apexes).iter().map(Apex::curvature));
+        self.facets = Vec::new();
     }
 
     /// Adds to an estimate what attributes cost, and judges anew what could not be estimated.
@@ -175,6 +198,7 @@ impl Cost for Enhanced {
             }
         });
         let facets = &self.facets;
+        self.apexes.extend(take(&mut self.curvatures).into_iter().map(Apex::with_curvature));
         tasks::for_each(&mut self.apexes, |p, apex| {
             let ring = surface.ring(p as u32);
             apex.set_faces(surface.points[p], ring.iter().map(|&c| facets[Surface::face_of(c)]));
@@ -289,6 +313,32 @@ impl Cost for Enhanced {
             self.apexes.push(Apex::with_curvature(mean));
             self.ridged.push(false);
         }
+    }
+
+    fn is_separable(&self) -> bool {
+        self.metric.is_empty()
+    }
+
+    fn split(&mut self, parts: &[(Region, Surface)]) -> Vec<Box<dyn Cost>> {
+        self.drop_apexes();
+        let part = |(region, _): &(Region, Surface)| -> Box<dyn Cost> {
+            Box::new(Self {
+                options: self.options.clone(),
+                apexes: Vec::new(),
+                curvatures: region.points.iter().map(|&p| self.curvatures[p as usize]).collect(),
+                ridged: vec![false; region.points.len()],
+                facets: Vec::new(),
+                metric: Metric::default(),
+                ..*self
+            })
+        };
+        parts.iter().map(part).collect()
+    }
+
+    fn join(&mut self, part: Box<dyn Cost>, points: &[u32]) {
+        let Ok(mut part) = (part as Box<dyn Any>).downcast::<Self>() else { return };
+        part.drop_apexes();
+        points.iter().zip(part.curvatures).for_each(|(&p, curvature)| self.curvatures[p as usize] = curvature);
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {

@@ -28,6 +28,14 @@ pub(crate) enum Cause {
 }
 
 impl Refusals {
+    pub(crate) fn add(&mut self, other: Self) {
+        self.link += other.link;
+        self.flip += other.flip;
+        self.needle += other.needle;
+        self.border += other.border;
+        self.seam += other.seam;
+    }
+
     pub(crate) fn count(&mut self, cause: Cause) {
         *match cause {
             Cause::Link | Cause::Flatten | Cause::Vanish => &mut self.link,

@@ -46,11 +46,18 @@ const ERROR_STEP: f64 = 0.93;
 /// ```
 pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
-    let reducer = Reducer::new(mesh, options);
+    let mut reducer = Reducer::new(mesh, options);
     let refiner = is_refined(options).then(|| Refiner::new(&reducer.surface, options.effort));
     let is_fitted = options.algorithm == Algorithm::Esqem(Mode::Enhanced) && options.placement == Placement::Optimal;
     let shading = if is_fitted { Shading::new(&reducer.surface) } else { None };
     let cards = if options.keep_area { Cards::find(&reducer.surface, &reducer.edges) } else { None };
+    // On large meshes even these are much.
+    if options.placement == Placement::Optimal {
+        reducer.surface.wedges.forget_origins();
+    }
+    if refiner.is_none() && shading.is_none() {
+        reducer.surface.forget_heirs();
+    }
     let workspace = passes::Workspace::default();
     let mut chain = Builder { mesh, options, reducer, workspace, deviation: None, refiner, shading, cards };
     let levels = options.levels.iter().map(|target| chain.next_level(target)).collect();

@@ -1,16 +1,21 @@
 //! The fast schedule: all edges are ranked at once and collapse from the cheap end; those around a joined point are ranked again and take their new
 //! turns. Costs of edges a little further away are looked at when their turn comes: they may have risen, then they wait for the new one.
 
-use super::buckets::{Buckets, Entry};
+mod parts;
+
+use super::buckets::{BUCKETS, Buckets, Entry};
 use super::cost::UNRANKED;
 use super::options::Effort;
 use super::prune::{self, Piece};
 use super::reducer::{Outcome, Reducer, Terms};
+use crate::mesh::edges::Edge;
 use std::iter::Peekable;
 use std::vec::IntoIter;
 
 /// Everything is looked at anew when so much of the faces is left.
 const REFILL: f64 = 0.4;
+/// Faces from which on the queue of the whole surface is left for parts as soon as that is possible: their data fit the caches.
+const MANY: usize = 64 * 1024;
 
 /// How closely the order of costs is kept.
 #[derive(Debug, Clone, Copy)]
@@ -60,10 +65,12 @@ pub(crate) struct Workspace {
 pub(crate) fn run(reducer: &mut Reducer, workspace: &mut Workspace, target: usize) {
     while reducer.surface.face_count() > target {
         let limit = match workspace.serves_to {
-            Some(limit) if reducer.surface.face_count() > limit => limit,
-            _ => workspace.fill(reducer),
+            Some(limit) if reducer.surface.face_count() > limit && !parts::is_worthwhile(reducer, target, MANY) => {
+                limit
+            }
+            _ => workspace.fill(reducer, target),
         };
-        if workspace.drain(reducer, target, target.max(limit)) {
+        if workspace.drain(reducer, target, target.max(limit), BUCKETS) {
             continue;
         }
         // The queue is empty.
@@ -99,29 +106,47 @@ impl Workspace {
         self.serves_to = None;
     }
 
-    fn fill(&mut self, reducer: &mut Reducer) -> usize {
-        reducer.refresh();
-        reducer.rank(&mut self.costs);
-        let trust = Order::of(reducer).trust;
-        self.costs.iter_mut().for_each(|cost| *cost *= trust);
-        self.queue.fill(&reducer.edges, &self.costs);
-        // All that is needed of them is in the queue: on large meshes this is the most memory that is ever held.
-        (reducer.edges, self.costs) = Default::default();
+    /// Looks at everything, in parts first where that is worth it; gives the number of faces down to which it serves.
+    fn fill(&mut self, reducer: &mut Reducer, target: usize) -> usize {
+        let limit = |reducer: &Reducer| (reducer.surface.face_count() as f64 * REFILL) as usize;
+        let mut is_going_on = true;
+        while is_going_on && parts::is_worthwhile(reducer, target, 0) {
+            let next = target.max(limit(reducer));
+            is_going_on = parts::reduce(reducer, next);
+        }
+        self.look_at_all(reducer, reducer.surface.points.len());
         self.pieces = reducer.pieces().into_iter().peekable();
-        let points = reducer.surface.points.len();
-        self.marks.clear();
-        self.marks.resize(points, 0);
-        self.time = 0;
-        let limit = (reducer.surface.face_count() as f64 * REFILL) as usize;
+        let limit = limit(reducer);
         self.serves_to = Some(limit);
         limit
     }
 
-    /// Collapses down to `limit` faces, `target` at the end of all; gives whether there are so few now.
-    fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize) -> bool {
+    /// Looks at everything. Points from `inner` on stay as they are.
+    fn look_at_all(&mut self, reducer: &mut Reducer, inner: usize) {
+        reducer.refresh();
+        reducer.rank(&mut self.costs);
+        let trust = Order::of(reducer).trust;
+        self.costs.iter_mut().for_each(|cost| *cost *= trust);
+        let points = reducer.surface.points.len();
+        if inner < points {
+            let is_inner = |edge: &Edge| (edge.a.max(edge.b) as usize) < inner;
+            let edges = reducer.edges.iter().zip(&mut self.costs);
+            edges.filter(|(edge, _)| !is_inner(edge)).for_each(|(_, cost)| *cost = UNRANKED);
+        }
+        self.queue.fill(&reducer.edges, &self.costs);
+        // All that is needed of them is in the queue: on large meshes this is the most memory that is ever held.
+        (reducer.edges, self.costs) = Default::default();
+        self.marks.clear();
+        self.marks.resize(inner, 0);
+        self.marks.resize(points, GONE);
+        self.time = 0;
+    }
+
+    /// Collapses down to `limit` faces, `target` at the end of all, by the buckets below `end`; gives whether there are so few now.
+    fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize, end: usize) -> bool {
         let reorder = Order::of(reducer).reorder;
         while reducer.surface.face_count() > limit {
-            let Some((entry, cost)) = self.queue.pop() else { return false };
+            let Some((entry, cost)) = self.queue.pop(end) else { return false };
             let left = reducer.surface.face_count() - target;
             if let Some(piece) = self.pieces.next_if(|p| p.cost <= f64::from(cost)) {
                 prune::remove(&mut reducer.surface, &piece, left);
@@ -140,8 +165,7 @@ impl Workspace {
                     reducer.cost.update(&reducer.surface, p);
                 }
             }
-            reducer.look(a, b);
-            let Some(candidate) = reducer.judge_looked_at() else { continue };
+            let Some(candidate) = reducer.look_and_judge(a, b) else { continue };
             let most = cost * reorder;
             if candidate.cost as f32 > most {
                 self.queue.push(candidate.cost as f32, entry);
@@ -167,8 +191,9 @@ impl Workspace {
         reducer.rank_joined(&mut self.around, &mut self.costs);
         let trust = Order::of(reducer).trust;
         for (&other, &cost) in self.around.iter().zip(&self.costs) {
-            self.marks[other as usize] |= STALE;
-            if cost < UNRANKED {
+            let mark = &mut self.marks[other as usize];
+            *mark |= STALE;
+            if cost < UNRANKED && *mark != GONE | STALE {
                 self.queue.push(cost * trust, Entry { a: kept.min(other), b: kept.max(other), time: self.time });
             }
         }

@@ -1,5 +1,7 @@
 //! One surface being reduced: the state that both schedules work on, and the one way in which an edge collapses.
 
+mod parts;
+
 use super::Refusals;
 use super::constraints::Constraints;
 use super::cost::{AtEnds, Candidate, Cost, UNRANKED, pinned};
@@ -29,7 +31,7 @@ pub(crate) struct Reducer {
     pub refusals: Refusals,
     /// Watches what the strict schedule takes away, if somebody wants it back.
     pub log: Option<Log>,
-    /// The edges, as of the last refresh.
+    /// The edges, as of the last refresh; none where nobody has use for them until the next one.
     pub edges: Vec<Edge>,
     /// Whether whole pieces may go: there are several.
     has_pieces: bool,
@@ -127,7 +129,7 @@ impl Reducer {
         if let Some(log) = &mut self.log {
             log.renumber(&self.surface);
         }
-        if self.surface.compact() {
+        if self.surface.compact() || self.edges.is_empty() {
             recollect_edges(&self.surface, &self.irregular, &mut self.edges);
         }
         self.cost.refresh(&self.surface, &self.edges);
@@ -148,15 +150,22 @@ impl Reducer {
         tasks::for_some(costs, |first, costs| cost.rank(surface, &edges[first..][..costs.len()], locked, costs));
     }
 
-    /// Looks at an edge, for [`Self::judge_looked_at`] and [`Self::collapse_looked_at`].
-    pub fn look(&mut self, a: u32, b: u32) {
-        self.merge.look(&self.surface, a, b);
+    fn look(&mut self, a: u32, b: u32) {
+        if self.to_ends {
+            // Judging takes no look, and many have to wait after that.
+            (self.merge.kept, self.merge.gone) = (a, b);
+        } else {
+            self.merge.look(&self.surface, a, b);
+        }
     }
 
-    /// [`Self::judge`] of the edge looked at.
-    pub fn judge_looked_at(&self) -> Option<Candidate> {
-        pinned(&self.surface, &self.locked, self.merge.kept, self.merge.gone)
-            .and_then(|pin| self.cost.judge_merge(&self.surface, &self.merge, pin))
+    /// [`Self::judge`] of an edge, for [`Self::collapse_looked_at`].
+    pub fn look_and_judge(&mut self, a: u32, b: u32) -> Option<Candidate> {
+        self.look(a, b);
+        if self.to_ends {
+            return self.judge(a, b);
+        }
+        pinned(&self.surface, &self.locked, a, b).and_then(|pin| self.cost.judge_merge(&self.surface, &self.merge, pin))
     }
 
     /// The points around the one that the last collapse joined, and about what the edges to them cost.

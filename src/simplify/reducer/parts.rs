@@ -1,0 +1,65 @@
+//! Taking the state of a reduction apart, and putting it together again.
+
+use super::Reducer;
+use crate::mesh::regions::{Region, cut};
+use crate::mesh::surface::Surface;
+use crate::simplify::Refusals;
+use crate::simplify::cost::Cost;
+use rayon::prelude::*;
+
+impl Reducer {
+    /// Whether [`Self::split`] may be called.
+    pub fn is_separable(&self) -> bool {
+        self.cost.is_separable() && self.surface.is_bare() && self.log.is_none()
+    }
+
+    /// Takes the surface apart; all parts have to be [joined](Self::join) again.
+    pub fn split(&mut self, count: usize) -> Vec<(Region, Self)> {
+        let parts = cut(&mut self.surface, count);
+        self.edges = Vec::new();
+        let costs = self.cost.split(&parts);
+        let part = |((region, surface), cost): ((Region, Surface), Box<dyn Cost>)| {
+            let part = self.part(surface, cost, &region.points);
+            (region, part)
+        };
+        parts.into_par_iter().zip(costs).map(part).collect()
+    }
+
+    fn part(&self, surface: Surface, cost: Box<dyn Cost>, points: &[u32]) -> Self {
+        let pick = |flags: &[bool]| points.iter().map(|&p| flags[p as usize]).collect::<Vec<bool>>();
+        Self {
+            surface,
+            cost,
+            refusals: Refusals::default(),
+            log: None,
+            edges: Vec::new(),
+            has_pieces: false,
+            constraints: self.constraints,
+            locked: pick(&self.locked),
+            border: pick(&self.border),
+            irregular: self.irregular.pick(points),
+            solution: Default::default(),
+            merge: Default::default(),
+            fan: Default::default(),
+            needles: self.needles,
+            to_ends: self.to_ends,
+            whole_cards: self.whole_cards,
+            effort: self.effort,
+        }
+    }
+
+    /// Puts the surface together again.
+    pub fn join(&mut self, parts: Vec<(Region, Self)>) {
+        for (region, part) in parts {
+            self.surface.append(&part.surface, &region, self.locked.len());
+            for (p, &point) in region.points.iter().enumerate() {
+                self.locked[point as usize] |= part.locked[p];
+                self.border[point as usize] |= part.border[p];
+            }
+            self.irregular.merge(&part.irregular, &region.points);
+            self.refusals.add(part.refusals);
+            self.cost.join(part.cost, &region.points);
+        }
+        self.surface.close();
+    }
+}
