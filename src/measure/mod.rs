@@ -103,7 +103,7 @@ pub struct Posed {
     pub poses: usize,
     /// Two-sided RMS distance, root mean square over the poses.
     pub rms: f64,
-    /// Largest two-sided Hausdorff distance of all poses.
+    /// Largest distance in any of them, over samples and vertices.
     pub hausdorff: f64,
 }
 
@@ -229,7 +229,7 @@ impl Ruler {
         result.to_source = measure_distance(surface, &self.source.bvh, self.diagonal).0;
         self.appearance.compare(&self.source, level, surface, &hits, self.diagonal, result);
         quality::judge_faces(&self.source, surface, self.diagonal, result);
-        result.posed = posed::measure(&self.poses, level, self.diagonal);
+        result.posed = posed::measure(&self.poses, level);
         result.gap_edges = gaps::count_gaps(
             &self.source.border,
             self.border.as_ref(),

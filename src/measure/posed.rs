@@ -1,13 +1,13 @@
 //! The distance of a level from its source in poses.
 
-use super::distance::measure_distance;
+use super::distance::measure_roughly;
 use super::surface::Surface;
 use super::{Posed, Sampling};
 use crate::mesh::{Mesh, Pose};
 use rayon::prelude::*;
 
 /// There are several poses: each gets this share of the samples.
-const SHARE: usize = 4;
+const SHARE: usize = 8;
 
 /// The source in a pose.
 #[derive(Debug)]
@@ -24,13 +24,13 @@ impl PosedRuler {
     }
 }
 
-/// Of a level with triangles; `diagonal` is the source's.
-pub fn measure(rulers: &[PosedRuler], level: &Mesh, diagonal: f64) -> Option<Posed> {
+/// Of a level with triangles.
+pub fn measure(rulers: &[PosedRuler], level: &Mesh) -> Option<Posed> {
     let measure = |ruler: &PosedRuler| {
         let level = Surface::new(&ruler.pose.posed(level), ruler.sampling);
-        let (to_level, _) = measure_distance(&ruler.source, &level.bvh, diagonal);
-        let (to_source, _) = measure_distance(&level, &ruler.source.bvh, diagonal);
-        ((to_level.rms.powi(2) + to_source.rms.powi(2)) / 2.0, to_level.max.max(to_source.max))
+        let to_level = measure_roughly(&ruler.source, &level.bvh);
+        let to_source = measure_roughly(&level, &ruler.source.bvh);
+        ((to_level.0 + to_source.0) / 2.0, to_level.1.max(to_source.1))
     };
     let found: Vec<(f64, f64)> = rulers.par_iter().map(measure).collect();
     let square = found.iter().map(|(square, _)| square).sum::<f64>() / found.len().max(1) as f64;
