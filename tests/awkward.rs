@@ -80,7 +80,7 @@ fn levels_are_never_much_worse_than_those_of_meshoptimizer() {
                 }
             };
             expect(hausdorff < 4.0, format!("Hausdorff × {hausdorff:.2}"));
-            expect(rms < 1.6, format!("RMS × {rms:.2}"));
+            expect(rms < 2.0, format!("RMS × {rms:.2}"));
             let [a, b] = [&level.mesh, &theirs.mesh].map(|level| compare_silhouettes(&mesh, level).off);
             expect(a < 1.25 * b + 0.1, format!("silhouette off by {a:.3}, theirs by {b:.3}"));
             if closed {

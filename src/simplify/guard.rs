@@ -63,10 +63,18 @@ impl Cause {
     }
 
     /// `candidate`'s cost with the fine, for an edge of this length; `None` if no fine buys the collapse. Where the surface is flat and the cost
-    /// nothing, the fine is still something.
-    pub fn fined(self, cost: &dyn Cost, candidate: Candidate, length_squared: f64, needles: Needles) -> Option<f64> {
+    /// nothing, the fine is still something. Where the surface [bends](Cost::bend), less: along a cylinder needles are the faces that fit, and a thin tube
+    /// is better a flat one than a shorter one.
+    pub fn fined(
+        self,
+        cost: &dyn Cost,
+        candidate: Candidate,
+        length_squared: f64,
+        needles: Needles,
+        bend: f64,
+    ) -> Option<f64> {
         let slope = if self == Self::Needle { needles.slope_squared } else { SLOPE_SQUARED };
-        let least = cost.weigh(length_squared, slope * length_squared);
+        let least = cost.weigh(length_squared, slope / (1.0 + bend / BENT).powi(2) * length_squared);
         self.fine().map(|factor| factor * (candidate.cost + least))
     }
 }
@@ -93,11 +101,6 @@ impl Needles {
             _ => (0.06, SLOPE_SQUARED),
         };
         Self { quality, slope_squared }
-    }
-
-    /// Those of a place with this [bend](Cost::bend): along a cylinder needles are the faces that fit.
-    pub fn where_bent(self, bend: f64) -> Self {
-        Self { slope_squared: self.slope_squared / (1.0 + bend / BENT).powi(2), ..self }
     }
 }
 

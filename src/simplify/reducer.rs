@@ -257,7 +257,7 @@ impl Reducer {
         if let Err(cause) = self.check(merge, candidate, terms) {
             self.refusals.count(cause);
             return cause
-                .fined(&*self.cost, candidate, along.length_squared(), self.needles.where_bent(self.cost.bend(a, b)))
+                .fined(&*self.cost, candidate, along.length_squared(), self.needles, self.cost.bend(a, b))
                 .map_or(Outcome::Refused, Outcome::Fined);
         }
         let solves = !self.to_ends && !self.surface.wedges.is_plain();
