@@ -21,7 +21,7 @@ pub(crate) use solution::{Solution, fill_midpoint};
 
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use smallvec::SmallVec;
 
 /// Adds the upper half of `a bᵀ`: xx, xy, xz, yy, yz, zz.
@@ -45,4 +45,14 @@ fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
 /// Whether an attribute says where else the surface may be: then its errors are errors of the shape.
 fn is_displacement(semantic: Semantic) -> bool {
     matches!(semantic, Semantic::MorphPosition(_) | Semantic::Pose(_))
+}
+
+/// Height of a triangle over its base below which it has no side: rounding.
+const NO_HEIGHT: f32 = 1e-5;
+
+/// Whether a triangle turns over as its apex goes from `old` to `new`.
+pub(crate) fn turns_over([b, c]: [Vec2; 2], old: Vec2, new: Vec2) -> bool {
+    let least = NO_HEIGHT * b.distance_squared(c);
+    let (before, after) = ((b - old).perp_dot(c - old), (b - new).perp_dot(c - new));
+    before * after < 0.0 && before.abs().min(after.abs()) > least
 }

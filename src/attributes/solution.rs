@@ -1,12 +1,12 @@
 //! The new values of the wedges of a joined point.
 
-use super::is_displacement;
 use super::metric::{Extended, Metric, Row};
+use super::{is_displacement, turns_over};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::mesh::wedges::Wedges;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use smallvec::SmallVec;
 
 /// The new values of the wedges of a joined point.
@@ -51,6 +51,23 @@ impl Solution {
             self.follow_edge(surface, [any_kept, wedge], t);
         }
         self.share_displacements(surface);
+    }
+
+    /// Whether a face around the joined point would turn over in a texture. Wedges that were not solved stay as they are.
+    pub fn turns_charts(&self, surface: &Surface, merge: &Merge) -> bool {
+        let wedges = &surface.wedges;
+        let textures = wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::TexCoord(_)));
+        textures.map(|column| column.offset).any(|offset| {
+            let at = |row: &[f32]| Vec2::from_slice(&row[offset..]);
+            merge.spokes.iter().any(|&corner| {
+                let old = surface.wedge_at(corner);
+                let stays = merge.target(old);
+                let base = surface.opposite_wedges(corner).map(|w| at(wedges.row(w)));
+                let solved = self.classes.iter().find(|class| class.wedge == stays);
+                let new = solved.map_or(wedges.row(stays), |class| &class.row);
+                turns_over(base, at(wedges.row(old)), at(new))
+            })
+        })
     }
 
     /// Gives all wedges the same displacements, so that posed surfaces stay closed.

@@ -21,10 +21,14 @@ pub(crate) enum Cause {
     Link,
     Flip,
     Needle,
+    /// A face would be a line: no price buys that.
+    Line,
     Border,
     Seam,
     /// A wedge has none of its group to become.
     Unpaired,
+    /// A face would turn over in a texture.
+    Chart,
 }
 
 impl Refusals {
@@ -40,9 +44,9 @@ impl Refusals {
         *match cause {
             Cause::Link | Cause::Flatten | Cause::Vanish => &mut self.link,
             Cause::Flip => &mut self.flip,
-            Cause::Needle => &mut self.needle,
+            Cause::Needle | Cause::Line => &mut self.needle,
             Cause::Border => &mut self.border,
-            Cause::Seam | Cause::Unpaired => &mut self.seam,
+            Cause::Seam | Cause::Unpaired | Cause::Chart => &mut self.seam,
         } += 1;
     }
 }
@@ -58,7 +62,7 @@ impl Cause {
             Self::Link => Some(8.0),
             Self::Seam => Some(16.0),
             Self::Border => Some(32.0),
-            Self::Flip | Self::Vanish | Self::Unpaired => None,
+            Self::Flip | Self::Line | Self::Vanish | Self::Unpaired | Self::Chart => None,
         }
     }
 
@@ -81,6 +85,9 @@ impl Cause {
 
 /// Square of the height, relative to the edge, of an error that a fine is like at least.
 const SLOPE_SQUARED: f64 = 1e-4;
+
+/// Quality below which a face is a line: its normal is rounding.
+const LINE: f32 = 1e-5;
 
 /// Which faces are needles, and what they are fined for at least.
 #[derive(Debug, Clone, Copy)]
@@ -137,8 +144,15 @@ pub(crate) fn check_topology(surface: &Surface, merge: &Merge, border: &[bool]) 
 }
 
 /// Checks the shapes of the faces that survive: none of a [quality] below `needle` may become worse than the worst that was there. `worst`: the
-/// least quality after the collapse.
-pub(crate) fn check_needles(surface: &Surface, merge: &Merge, worst: f32, needle: f32) -> Result<(), Cause> {
+/// least quality after the collapse. Lines may not even come of paid collapses.
+pub(crate) fn check_needles(
+    surface: &Surface,
+    merge: &Merge,
+    worst: f32,
+    needle: f32,
+    paid: bool,
+) -> Result<(), Cause> {
     let was_worse = |c| quality(surface.triangle(Surface::face_of(c))) <= f64::from(worst);
-    if worst < needle && !merge.corners(surface).any(was_worse) { Err(Cause::Needle) } else { Ok(()) }
+    let (limit, cause) = if paid { (LINE, Cause::Line) } else { (needle, Cause::Needle) };
+    if worst < limit && !merge.corners(surface).any(was_worse) { Err(cause) } else { Ok(()) }
 }

@@ -254,17 +254,20 @@ impl Reducer {
         }
         let (start, end) = (self.surface.points[a as usize], self.surface.points[b as usize]);
         let along = end - start;
-        if let Err(cause) = self.check(merge, candidate, terms) {
+        let solves = !self.to_ends && !self.surface.wedges.is_plain();
+        let checked = self.check(merge, candidate, terms).and_then(|()| {
+            if solves {
+                let t = (candidate.position - start).dot(along) / along.length_squared();
+                let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
+                self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
+            }
+            if self.solution.turns_charts(&self.surface, merge) { Err(Cause::Chart) } else { Ok(()) }
+        });
+        if let Err(cause) = checked {
             self.refusals.count(cause);
             return cause
                 .fined(&*self.cost, candidate, along.length_squared(), self.needles, self.cost.bend(a, b))
                 .map_or(Outcome::Refused, Outcome::Fined);
-        }
-        let solves = !self.to_ends && !self.surface.wedges.is_plain();
-        if solves {
-            let t = (candidate.position - start).dot(along) / along.length_squared();
-            let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
-            self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
         }
         let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
         merge.apply(&mut self.surface, candidate.position);
@@ -293,8 +296,8 @@ impl Reducer {
             return Err(Cause::Vanish);
         }
         let worst = self.fan.look(&self.surface, merge, candidate.position)?;
+        check_needles(&self.surface, merge, worst, self.needles.quality, terms.paid)?;
         if !terms.paid {
-            check_needles(&self.surface, merge, worst, self.needles.quality)?;
             if self.irregular.is_either(merge.kept, merge.gone) {
                 check_topology(&self.surface, merge, &self.border)?;
             } else if !merge.keeps_regular() {

@@ -1,10 +1,12 @@
 //! Edge flips: the other diagonal of two faces where that is nearer to the source or better shaped.
 
 use super::level::{Level, Manner, area, unit_normal};
+use crate::attributes::turns_over;
+use crate::mesh::Semantic;
 use crate::mesh::edges::edge_kind;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::flip_edge;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Relative gain below which a flip is noise.
 const LEAST_GAIN: f32 = 1e-3;
@@ -44,10 +46,17 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> boo
         return false;
     }
     before.cost += level.price(&level.probe_pair(&old, level.foot(a).face));
-    after.cost += level.price(&level.probe_pair(&new, level.foot(c).face));
+    let probes = level.probe_pair(&new, level.foot(c).face);
+    after.cost += level.price(&probes);
     let most = before.cost * (1.0 - LEAST_GAIN);
     let taken = || level.surface.ring(c).iter().any(|&corner| level.surface.opposite(corner).contains(&d));
     if after.cost > most || taken() || !edge_kind(level.surface, a, b).is_some_and(|k| k.is_plain()) {
+        return false;
+    }
+    if probes.iter().any(|probe| level.comes_to_look_away(&old, &new, probe.foot)) {
+        return false;
+    }
+    if turns_charts(level.surface, faces, [a, b, c, d]) {
         return false;
     }
     flip_edge(level.surface, first, second, a, b);
@@ -76,8 +85,23 @@ fn turns(old: &[[Vec3; 3]; 2], new: &[[Vec3; 3]; 2]) -> bool {
     })
 }
 
+/// Whether the other diagonal would turn a face over in a texture: there the diamond may have another shape.
+fn turns_charts(surface: &Surface, [first, second]: [usize; 2], [a, b, c, d]: [u32; 4]) -> bool {
+    let wedges = &surface.wedges;
+    let textures = wedges.columns().iter().filter(|column| matches!(column.semantic, Semantic::TexCoord(_)));
+    textures.map(|column| column.offset).any(|offset| {
+        let place = |face: usize, p: u32| {
+            let wedge = surface.face_wedges(face)[surface.face(face).iter().position(|&q| q == p)?];
+            Some(Vec2::from_slice(&wedges.row(wedge)[offset..]))
+        };
+        let places = [place(first, a), place(first, b), place(first, c), place(second, d)];
+        let [Some(a), Some(b), Some(c), Some(d)] = places else { return false };
+        turns_over([c, a], b, d) || turns_over([b, c], a, d)
+    })
+}
+
 /// The two faces of an edge, the first running from `a` to `b`, and the points opposite.
-fn find_diamond(surface: &Surface, a: u32, b: u32) -> Option<(usize, usize, u32, u32)> {
+pub(super) fn find_diamond(surface: &Surface, a: u32, b: u32) -> Option<(usize, usize, u32, u32)> {
     let (mut first, mut second) = (None, None);
     for &corner in surface.ring(a) {
         let [next, previous] = surface.opposite(corner);
