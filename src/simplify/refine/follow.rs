@@ -4,13 +4,17 @@
 //! Collapses tell which point an anchor has become part of. From there the nearest face is a few steps downhill.
 
 use super::level::{Lists, NONE};
+use super::nearest::NearestFace;
 use super::patch::Patch;
-use super::source::{Source, closest_point};
+use super::source::{Foot, Source, closest_point};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 
 /// Rounds in which samples move on to a nearer corner; the rest stays where it is, a little farther than need be.
 const MOST_ROUNDS: usize = 6;
+
+/// Squared distance, relative to the mean, from which a face found downhill is not trusted.
+const SUSPICIOUS: f32 = 16.0;
 
 /// Puts the `chosen` samples into the lists of their nearest faces, and moves their anchors.
 pub(super) fn assign(
@@ -79,10 +83,32 @@ pub(super) fn assign(
             break;
         }
     }
+    search_far_ones(surface, source, anchors, lists, &mut found);
     for (s, &face) in found.iter().enumerate() {
         if face != NONE {
             lists.push(face as usize, s as u32);
         }
+    }
+}
+
+/// Samples that have ended suspiciously far from the surface may have gone down on the wrong side of a thin part: their nearest face is searched for.
+fn search_far_ones(surface: &Surface, source: &Source, anchors: &mut [u32], lists: &mut Lists, found: &mut [u32]) {
+    let known = |&s: &usize| found[s] != NONE;
+    let (sum, count) =
+        (0..found.len()).filter(known).fold((0.0, 0), |(sum, n), s| (sum + f64::from(lists.squared[s]), n + 1));
+    let limit = SUSPICIOUS * (sum / f64::from(count.max(1))) as f32;
+    let far: Vec<usize> = (0..found.len()).filter(known).filter(|&s| lists.squared[s] > limit).collect();
+    if far.is_empty() {
+        return;
+    }
+    let triangle = |f: u32| surface.triangle(f as usize).map(|x| x.as_vec3());
+    let faces: Vec<u32> = surface.live_faces().map(|f| f as u32).collect();
+    let nearest = NearestFace::new(&faces, triangle);
+    for s in far {
+        let x = source.samples[s].position;
+        let foot = nearest.find(x, Foot { distance_squared: lists.squared[s], point: x, face: found[s] }, triangle);
+        (lists.squared[s], found[s]) = (foot.distance_squared, foot.face);
+        anchors[s] = surface.face(foot.face as usize)[weightiest_corner(triangle(foot.face), x)];
     }
 }
 

@@ -23,6 +23,27 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Squared distance, relative to the mean, from which a foot found by walking is not trusted.
 const SUSPICIOUS: f32 = 100.0;
 
+/// Cosines of the angles to the source's normal from which a face looks away, and from which it is turned over.
+const AWAY_COSINES: [f32; 2] = [0.2, -0.3];
+
+/// Relative difference of squared distances that is rounding.
+const ROUNDING: f32 = 1e-5;
+
+/// How far a level is from the source.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Distance {
+    /// Of the squares.
+    pub mean: f32,
+    /// The largest square.
+    pub worst: f32,
+}
+
+impl Distance {
+    pub fn is_within(&self, other: &Self) -> bool {
+        self.mean <= other.mean && self.worst <= other.worst * (1.0 + ROUNDING)
+    }
+}
+
 /// The faces around a point, neighbours side by side.
 #[derive(Debug, Default)]
 pub(super) struct Fan {
@@ -95,7 +116,19 @@ impl Level<'_> {
     /// there: where a foot is suspiciously far it is searched for.
     pub fn look_back(&self, x: Vec3, start: u32) -> Foot {
         let foot = self.source.walk(x, start);
-        if foot.distance_squared > SUSPICIOUS * self.prices.mean_square { self.source.search(x, foot) } else { foot }
+        if foot.distance_squared > self.prices.peak.min(SUSPICIOUS * self.prices.mean_square) {
+            self.source.search(x, foot)
+        } else {
+            foot
+        }
+    }
+
+    /// Whether some of the `new` triangles look away from the source at `foot`, although none of the `old` ones does.
+    pub fn comes_to_look_away(&self, old: &[[Vec3; 3]], new: &[[Vec3; 3]], foot: Foot) -> bool {
+        let normal = unit_normal(&self.source.triangle(foot.face));
+        let least = |all: &[[Vec3; 3]]| all.iter().map(|t| unit_normal(t).dot(normal)).fold(1.0, f32::min);
+        let (before, after) = (least(old), least(new));
+        AWAY_COSINES.iter().any(|&limit| after < limit && before >= limit)
     }
 
     pub fn foot(&self, p: u32) -> Foot {
@@ -121,9 +154,10 @@ impl Level<'_> {
         self.lists.of(face).map(|s| self.source.samples[s as usize].weight * self.lists.squared[s as usize]).sum()
     }
 
-    /// Mean squared distance, both ways, and the largest squared one.
-    pub fn error(&mut self) -> (f32, f32) {
-        let (mut forth, mut weight, mut back, mut whole, mut worst) = (0.0f64, 0.0f64, 0.0f64, 0.0f64, 0.0f32);
+    /// The distance both ways.
+    pub fn distance(&mut self) -> Distance {
+        let (mut forth, mut weight, mut back, mut whole) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        let mut worst = 0.0f32;
         for f in 0..self.surface.face_slots() {
             if !self.surface.is_live(f) {
                 continue;
@@ -138,7 +172,15 @@ impl Level<'_> {
             worst = worst.max(spots.worst);
         }
         let mean = |squares: f64, area: f64| squares / area.max(f64::MIN_POSITIVE);
-        (mean(forth, weight).midpoint(mean(back, whole)) as f32, worst)
+        Distance { mean: mean(forth, weight).midpoint(mean(back, whole)) as f32, worst }
+    }
+
+    /// Makes room for new faces and points.
+    pub fn grow(&mut self) {
+        let (faces, points) = (self.surface.face_slots(), self.surface.points.len());
+        self.lists.head.resize(faces, NONE);
+        self.spots.resize(faces, Spots::UNKNOWN);
+        self.feet.resize(points, Foot { distance_squared: 0.0, point: Vec3::ZERO, face: NONE });
     }
 
     /// How far a face is from the source.
@@ -192,6 +234,14 @@ impl Fan {
 /// Unit normal; zero without area.
 pub(super) fn unit_normal([a, b, c]: &[Vec3; 3]) -> Vec3 {
     (*b - *a).cross(*c - *a).normalize_or_zero()
+}
+
+/// Cosine of the angle by which faces may turn away from those that they replace.
+const TURN_COSINE: f32 = 0.3;
+
+/// Whether any of these triangles turns away from the one in its place before.
+pub(super) fn turn_away(old: &[[Vec3; 3]], new: &[[Vec3; 3]]) -> bool {
+    old.iter().zip(new).any(|(old, new)| unit_normal(old).dot(unit_normal(new)) < TURN_COSINE)
 }
 
 pub(super) fn area([a, b, c]: &[Vec3; 3]) -> f32 {

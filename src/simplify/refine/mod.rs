@@ -15,8 +15,10 @@
 //! Limits: distances are f32 in the unit frame, so errors below a millionth of the extent are noise; the collapses of such levels stay as they are.
 
 mod attributes;
+mod exchange;
 mod flip;
 mod follow;
+mod insert;
 mod level;
 mod nearest;
 mod patch;
@@ -25,6 +27,7 @@ mod plane;
 mod prices;
 mod probe;
 mod relocate;
+mod remove;
 mod source;
 mod step;
 
@@ -33,7 +36,7 @@ use crate::mesh::edges::collect_edges;
 use crate::mesh::surface::Surface;
 use attributes::SourceAttributes;
 use glam::Vec3;
-use level::{Fan, Level, Lists, Manner, NONE};
+use level::{Distance, Fan, Level, Lists, Manner, NONE};
 use patch::Patch;
 use prices::Prices;
 use probe::Spots;
@@ -61,6 +64,8 @@ struct Budget {
     samples: f32,
     /// Rounds: a sweep over all edges and points, then the worst spots; after the last one more sweep.
     rounds: usize,
+    /// Rounds in which points go from where they are least needed to where they are missed most.
+    exchanges: usize,
     /// Relative gain that a step of a point has to promise.
     promise: f32,
     /// Lengths of a step that are tried in sweeps.
@@ -73,14 +78,14 @@ struct Budget {
 const FEWEST_SAMPLES: usize = 6;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
 const NEW_PEAK: f32 = 0.9;
-/// Relative difference of squared distances that is rounding.
-const ROUNDING: f32 = 1e-5;
 
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => Self { inside: 4.0, samples: 16.0, rounds: 2, promise: 0.01, scales: 2, peaks: 0.04 },
-            _ => Self { inside: 0.5, samples: 4.0, rounds: 1, promise: 0.02, scales: 1, peaks: 0.02 },
+            Effort::Best => {
+                Self { inside: 4.0, samples: 16.0, rounds: 2, exchanges: 1, promise: 0.01, scales: 2, peaks: 0.04 }
+            }
+            _ => Self { inside: 0.5, samples: 4.0, rounds: 1, exchanges: 0, promise: 0.02, scales: 1, peaks: 0.02 },
         }
     }
 }
@@ -105,8 +110,8 @@ impl Refiner {
         self.source.judges().start >= FEWEST_SAMPLES * faces
     }
 
-    /// Mean and largest squared distance of the samples that are held out.
-    fn judge(&mut self, surface: &Surface) -> (f32, f32) {
+    /// How far the samples that are held out are from the surface.
+    fn judge(&mut self, surface: &Surface) -> Distance {
         let judges = self.source.judges();
         follow::assign(surface, &self.source, &mut self.anchors, judges.clone(), &mut self.lists, &mut self.patch);
         let (mut squares, mut count, mut worst) = (0.0f64, 0usize, 0.0f32);
@@ -115,14 +120,15 @@ impl Refiner {
             count += 1;
             worst = worst.max(squared);
         }
-        ((squares / count.max(1) as f64) as f32, worst)
+        Distance { mean: (squares / count.max(1) as f64) as f32, worst }
     }
 
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
     /// whether the surface is nearer to the source than it was, by the mean and the largest distance, both ways, of what was looked at, and of samples that no move knows.
     pub fn refine(&mut self, surface: &mut Surface, locked: &[bool]) -> bool {
-        let fixed = find_fixed(surface, locked);
+        let mut fixed = find_fixed(surface, locked);
         let judged = self.judge(surface);
+        let anchors = self.anchors.clone();
         let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
         let chosen = self.source.choose(wanted);
         follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
@@ -140,25 +146,33 @@ impl Refiner {
         level.spots.resize(level.surface.face_slots(), Spots::UNKNOWN);
         level.prices = Prices::of_level(&level);
         find_feet(&mut level);
-        let was = level.error();
+        let was = level.distance();
         let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
-        level.prices.set_peak(was.1 * NEW_PEAK);
-        for _ in 0..self.budget.rounds {
+        level.prices.set_peak(was.worst * NEW_PEAK);
+        for round in 0..self.budget.rounds {
             sweep(&mut level, &fixed);
-            let peak = peaks::lower_peaks(&mut level, &fixed, most);
+            if round < self.budget.exchanges {
+                exchange::exchange(&mut level, &mut fixed);
+            }
+            let peak = peaks::lower_peaks(&mut level, &fixed, most, 0.0);
             level.prices.set_peak(peak * NEW_PEAK);
         }
         sweep(&mut level, &fixed);
-        let is = level.error();
+        let mut is = level.distance();
+        if is.worst > was.worst {
+            peaks::lower_peaks(&mut level, &fixed, most, was.worst);
+            is = level.distance();
+        }
         if let Some(attributes) = &self.attributes {
             attributes::fit(&mut level, attributes, &fixed);
         }
         follow::move_anchors(level.surface, level.lists, &mut self.anchors);
-        let [judged, now] = [judged, self.judge(surface)];
-        is.0 <= was.0
-            && is.1 <= was.1 * (1.0 + ROUNDING)
-            && now.0 <= judged.0
-            && now.1 <= judged.1.max(was.1) * (1.0 + ROUNDING)
+        let allowed = Distance { worst: judged.worst.max(was.worst), ..judged };
+        let is_better = is.is_within(&was) && self.judge(surface).is_within(&allowed);
+        if !is_better {
+            self.anchors = anchors;
+        }
+        is_better
     }
 }
 

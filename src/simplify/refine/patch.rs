@@ -134,6 +134,12 @@ impl Patch {
         self.appraise(&self.tried, prices)
     }
 
+    /// What the patch costs with any `triangles` instead.
+    pub fn attempt_any(&mut self, triangles: &[[Vec3; 3]], prices: &Prices) -> Appraisal {
+        self.find_nearest(triangles);
+        self.appraise(&self.tried, prices)
+    }
+
     /// Finds the nearest of any `triangles` for every sample.
     pub fn find_nearest(&mut self, triangles: &[[Vec3; 3]]) {
         self.tried.fill(triangles);

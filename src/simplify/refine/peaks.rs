@@ -18,12 +18,15 @@ struct Ranked {
     stamp: u32,
 }
 
-/// Works on up to `most` spots, the worst first. Gives the largest squared distance left.
-pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize) -> f32 {
+/// Works on up to `most` spots that are farther off than `enough` (squared), the worst first. Gives the largest squared distance left.
+pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, enough: f32) -> f32 {
     let mut left = 0.0f32;
     let mut peaks = Peaks::new(level);
     for _ in 0..most {
         let Some((face, squared)) = peaks.pop(level) else { break };
+        if squared <= enough {
+            return left.max(squared);
+        }
         level.prices.set_peak(squared * PEAK_SHARE);
         let corners = level.surface.face(face);
         let mut touched: SmallVec<[u32; 12]> = SmallVec::new();
@@ -47,20 +50,20 @@ pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize) -> f32
 }
 
 /// Faces by their worst spots.
-struct Peaks {
+pub(super) struct Peaks {
     heap: BinaryHeap<Ranked>,
     /// Of each face: entries with another stamp are out of date.
     stamps: Vec<u32>,
 }
 
 impl Peaks {
-    fn new(level: &mut Level) -> Self {
+    pub fn new(level: &mut Level) -> Self {
         let faces: Vec<usize> = level.surface.live_faces().collect();
         let rank = |f: usize| Ranked { squared: level.spots(f).worst.to_bits(), face: f as u32, stamp: 0 };
         Self { heap: faces.into_iter().map(rank).collect(), stamps: vec![0; level.surface.face_slots()] }
     }
 
-    fn pop(&mut self, level: &Level) -> Option<(usize, f32)> {
+    pub fn pop(&mut self, level: &Level) -> Option<(usize, f32)> {
         while let Some(top) = self.heap.pop() {
             let face = top.face as usize;
             if level.surface.is_live(face) && self.stamps[face] == top.stamp {
@@ -71,11 +74,12 @@ impl Peaks {
     }
 
     /// Ranks the faces at these points anew.
-    fn push_around(&mut self, level: &mut Level, points: &[u32]) {
+    pub fn push_around(&mut self, level: &mut Level, points: &[u32]) {
         let mut faces: Vec<usize> =
             points.iter().flat_map(|&p| level.surface.ring(p)).map(|&c| Surface::face_of(c)).collect();
         faces.sort_unstable();
         faces.dedup();
+        self.stamps.resize(level.surface.face_slots(), 0);
         for f in faces {
             self.stamps[f] += 1;
             let squared = level.spots(f).worst.to_bits();

@@ -10,14 +10,16 @@ const NORMAL_SHARE: f32 = 0.6;
 const NEEDLE_SHARE: f32 = 32.0;
 /// Quality from which a shape costs nothing. A smallest angle of 10° is between 0.20 and 0.30.
 const GOOD_QUALITY: f32 = 0.45;
+/// Squared distance, relative to the mean, of a peak as long as the largest is not known.
+const FIRST_PEAK: f32 = 16.0;
 /// Rounding of single precision in the unit frame, squared: below it nothing is worth a change.
 const ROUNDING: f32 = 1e-14;
 
 /// In area · squared length of the unit frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Prices {
-    /// Squared distance from which peaks count, and what its excess costs.
-    peak: f32,
+    /// Squared distance from which peaks count (and are never taken for granted), and what its excess costs.
+    pub peak: f32,
     peak_area: f32,
     normal: f32,
     needle: f32,
@@ -50,7 +52,7 @@ impl Prices {
         let mean_square = ((squares / whole) as f32).max(ROUNDING);
         let face_area = whole as f32 / faces as f32;
         Self {
-            peak: f32::INFINITY,
+            peak: FIRST_PEAK * mean_square,
             peak_area: 0.0,
             normal: if turned > 0.0 { NORMAL_SHARE * mean_square * (whole / turned) as f32 } else { 0.0 },
             needle: NEEDLE_SHARE * mean_square * face_area,

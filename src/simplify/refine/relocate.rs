@@ -67,7 +67,7 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
         } else {
             level.prices.of_place(own_area, foot.distance_squared)
         };
-        if after.cost < most {
+        if after.cost < most && !level.comes_to_look_away(&fan.triangles, &fan.moved, foot) {
             level.surface.points[p as usize] = new.as_dvec3();
             level.feet[p as usize] = foot;
             level.settle(&fan.faces, &fan.faces);

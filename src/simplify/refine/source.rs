@@ -1,6 +1,6 @@
 //! The source surface as refinement sees it: samples to be near to, and a way to find the closest point from a place nearby.
 
-use super::nearest::Nearest;
+use super::nearest::NearestFace;
 use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
@@ -20,7 +20,7 @@ pub(crate) struct Source {
     /// The first so many samples are vertices; those from `held_out` on are for judging what the others have led to.
     vertices: usize,
     held_out: usize,
-    nearest: Nearest,
+    nearest: NearestFace,
     /// Where points may go.
     pub room: Room,
 }
@@ -53,7 +53,8 @@ impl Source {
         let room = Room::of(&surface.points);
         let (vertices, between) = take_samples(&points, &faces, inside);
         let mut samples = sort_in_space(&vertices);
-        let nearest = Nearest::new(samples.iter().map(|s| s.position));
+        let triangle = |f: u32| faces[f as usize].map(|p| points[p as usize]);
+        let nearest = NearestFace::new(&(0..faces.len() as u32).collect::<Vec<_>>(), triangle);
         let is_held_out = |&(k, _): &(usize, &Sample)| k % HELD_OUT == HELD_OUT - 1;
         let between = sort_in_space(&between);
         let (judges, others): (Vec<_>, Vec<_>) = between.iter().enumerate().partition(is_held_out);
@@ -91,7 +92,6 @@ impl Source {
     pub fn walk(&self, x: Vec3, start: u32) -> Foot {
         const MOST_STEPS: usize = 100;
         if start as usize >= self.faces.len() {
-            // The search comes back with the face of a sample.
             return self.search(x, Foot { distance_squared: f32::INFINITY, point: x, face: start });
         }
         let (mut best, mut corner) = self.foot(x, start);
@@ -123,11 +123,9 @@ impl Source {
         best
     }
 
-    /// The closest of all points, as far as a walk from the nearest vertex tells, where that is nearer than `known`.
+    /// The closest of all points, if it is nearer than `known`.
     pub fn search(&self, x: Vec3, known: Foot) -> Foot {
-        let Some(sample) = self.nearest.find(x, |s| self.samples[s].position) else { return known };
-        let found = self.walk(x, self.samples[sample].face);
-        if found.distance_squared < known.distance_squared { found } else { known }
+        self.nearest.find(x, known, |f| self.triangle(f))
     }
 
     fn improve(&self, x: Vec3, face: u32, best: &mut Foot, feature: &mut Feature) {
@@ -238,9 +236,14 @@ fn spread(k: u32) -> [f32; 2] {
 }
 
 fn sort_in_space(samples: &[Sample]) -> Vec<Sample> {
-    let mut order: Vec<(u32, u32)> = samples.iter().zip(0..).map(|(s, i)| (spatial_key(s.position), i)).collect();
+    order_in_space(samples.iter().map(|s| s.position)).into_iter().map(|i| samples[i as usize]).collect()
+}
+
+/// Indices in the order of a curve through space.
+pub(super) fn order_in_space(places: impl Iterator<Item = Vec3>) -> Vec<u32> {
+    let mut order: Vec<(u32, u32)> = places.zip(0..).map(|(p, i)| (spatial_key(p), i)).collect();
     radsort::sort_by_key(&mut order, |&(key, _)| key);
-    order.into_iter().map(|(_, i)| samples[i as usize]).collect()
+    order.into_iter().map(|(_, i)| i).collect()
 }
 
 /// Position along a Morton curve through the unit frame, [-1, 1]³, in 1024 cells a side.
