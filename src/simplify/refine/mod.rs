@@ -1,6 +1,6 @@
 //! Refinement: makes a level better at the same number of triangles.
 //!
-//! The source stands as samples (vertices, edge midpoints, centroids), each assigned to the face of the level nearest to it and followed from level
+//! The source stands as samples (vertices, and places inside faces by area), each assigned to the face of the level nearest to it and followed from level
 //! to level. A move replaces a few faces by others; what it is worth is measured on the samples of those faces alone:
 //!
 //! 1. **Sweeps** over all edges and points: the other diagonal of two faces, and the place of a point that is nearest to its samples.
@@ -8,7 +8,8 @@
 //! 2. **Peaks**, between two sweeps: where the level is farthest from the source, in either direction, the same moves with the farthest distance
 //!    counting most and with places on the level looked at, too; faces between the samples may bridge a gap or stick out. What that costs in the
 //!    mean the next sweep wins back.
-//! 3. **Attributes** of points that moved are looked up on the source.
+//! 3. **Exchanges** (`best`): a point comes in where the level is farthest from the source, in either direction, and one that is missed less goes.
+//! 4. **Attributes** of points that moved are looked up on the source.
 //!
 //! Points at borders, seams and other special edges stay, and those edges stay as they are; so do locked points.
 //!

@@ -2,6 +2,7 @@
 
 use super::level::{Level, turn_away};
 use super::source::Foot;
+use crate::attributes::Solution;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use glam::Vec3;
@@ -45,7 +46,8 @@ pub(super) fn foretell_loss(level: &Level, [a, b]: [u32; 2]) -> f32 {
 pub(super) fn find_removal(level: &mut Level, edge: [u32; 2]) -> Option<Removal> {
     let [a, b] = edge;
     let merge = Merge::new(level.surface, a, b);
-    if !merge.keeps_regular() || !is_closed(&merge.rims) {
+    // The point keeps the values that it has, until all are fitted.
+    if !merge.keeps_regular() || !is_closed(&merge.rims) || Solution::default().turns_charts(level.surface, &merge) {
         return None;
     }
     let (faces, old) = faces_of(level, &merge);
