@@ -63,7 +63,8 @@ pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
         }
         let once = if border[p] { PI } else { TAU };
         // Several sheets through the point are flat where each of them is.
-        let full = once + TAU * ((angle - once) / TAU).round().max(0.0);
+        let more = if angle - once > PI { ((angle - once) / TAU).round() } else { 0.0 };
+        let full = once + TAU * more;
         let deficit = full - angle;
         let turn = if border[p] { deficit.abs().max(border_turn(surface, p as u32)) } else { deficit };
         if area > f32::MIN_POSITIVE { 3.0 * turn / area } else { 0.0 }

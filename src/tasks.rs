@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 /// Items that one thread takes at a time.
 const TASK: usize = 4096;
-/// Items from which on several threads are faster than one.
-const MANY: usize = 4 * TASK;
+/// Items from which on several threads are worth waking: fewer fit the caches of one.
+const MANY: usize = 32 * TASK;
 
 /// Works on all `items`, some at a time: `work` gets the index of the first one, and them. What it does to one must not depend on which come with it.
 pub(crate) fn for_some<T: Send>(items: &mut [T], work: impl Fn(usize, &mut [T]) + Sync) {

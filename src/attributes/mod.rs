@@ -50,9 +50,9 @@ fn is_displacement(semantic: Semantic) -> bool {
 /// Height of a triangle over its base below which it has no side: rounding.
 const NO_HEIGHT: f32 = 1e-5;
 
-/// Whether a triangle turns over as its apex goes from `old` to `new`.
+/// Whether a triangle that has a side loses it, or turns over, as its apex goes from `old` to `new`.
 pub(crate) fn turns_over([b, c]: [Vec2; 2], old: Vec2, new: Vec2) -> bool {
     let least = NO_HEIGHT * b.distance_squared(c);
     let (before, after) = ((b - old).perp_dot(c - old), (b - new).perp_dot(c - new));
-    before * after < 0.0 && before.abs().min(after.abs()) > least
+    before.abs() > least && after * before.signum() <= least
 }

@@ -59,7 +59,7 @@ impl Solution {
         let textures = wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::TexCoord(_)));
         textures.map(|column| column.offset).any(|offset| {
             let at = |row: &[f32]| Vec2::from_slice(&row[offset..]);
-            merge.spokes.iter().any(|&corner| {
+            merge.spokes().iter().any(|&corner| {
                 let old = surface.wedge_at(corner);
                 let stays = merge.target(old);
                 let base = surface.opposite_wedges(corner).map(|w| at(wedges.row(w)));

@@ -5,6 +5,7 @@ use super::surgery::holds;
 use crate::tasks;
 use rayon::prelude::*;
 use smallvec::SmallVec;
+use wide::u32x8;
 
 /// An undirected edge; `a < b` when collected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,6 +73,11 @@ impl Irregular {
         Self(tasks::collect(surface.points.len(), |point| !is_regular(surface, point as u32)))
     }
 
+    /// The points.
+    pub fn points(&self) -> impl Iterator<Item = u32> {
+        self.0.iter().zip(0..).filter(|(is, _)| **is).map(|(_, point)| point)
+    }
+
     /// Follows a collapse. Of one that breaks the link condition (`breaking`) anything may have become of the edges around it.
     pub fn follow(&mut self, surface: &Surface, kept: u32, gone: u32, breaking: bool) {
         self.0[kept as usize] |= self.0[gone as usize] | breaking;
@@ -101,7 +107,7 @@ impl Irregular {
     }
 
     fn are_both(&self, a: u32, b: u32) -> bool {
-        self.0[a as usize] && self.0[b as usize]
+        self.0[a as usize] & self.0[b as usize]
     }
 }
 
@@ -109,32 +115,34 @@ impl Irregular {
 /// the same as those before them.
 fn is_regular(surface: &Surface, point: u32) -> bool {
     let ring = surface.ring(point);
-    let wedge = |corner: &Corner| surface.wedge_at(*corner);
-    let one_wedge = ring.iter().all(|corner| wedge(corner) == wedge(&ring[0]));
-    one_wedge
+    surface.has_one_wedge(point)
         && match ring.len() {
             // Two faces back to back.
             2 => false,
-            0..=8 => is_closed::<8>(surface, ring),
-            9..=32 => is_closed::<32>(surface, ring),
+            0..=8 => is_closed::<1>(surface, ring),
+            9..=32 => is_closed::<4>(surface, ring),
             _ => false,
         }
 }
 
-/// Whether the points after the corners of a ring, `N` at most, are all different, and the same as those before them.
+/// Whether the points after the corners of a ring, eight times `N` at most, are all different, and the same as those before them.
 fn is_closed<const N: usize>(surface: &Surface, ring: &[Corner]) -> bool {
-    // Filled up with names that no point has.
-    let (mut after, mut before) = ([u32::MAX; N], [u32::MAX - 1; N]);
-    for ((&corner, after), before) in ring.iter().zip(&mut after).zip(&mut before) {
+    // Filled up with a name that no point has.
+    let (mut after, mut before) = ([[u32::MAX; 8]; N], [[u32::MAX; 8]; N]);
+    let links = after.as_flattened_mut().iter_mut().zip(before.as_flattened_mut());
+    for (&corner, (after, before)) in ring.iter().zip(links) {
         [*after, *before] = surface.opposite(corner);
     }
-    // Each is once among its own, and once among the others.
-    let count = |points: &[u32; N], p: u32| points.iter().map(|&q| u32::from(q == p)).sum::<u32>();
-    let corners = ring.len();
-    let own =
-        after[..corners].iter().map(|&p| count(&after, p)).chain(before[..corners].iter().map(|&p| count(&before, p)));
-    let shared = before[..corners].iter().map(|&p| count(&after, p));
-    own.sum::<u32>() == 2 * corners as u32 && shared.sum::<u32>() == corners as u32
+    let after = after.map(u32x8::new);
+    // Each point before has its place among those after, and one only.
+    let (mut seen, mut is_once) = (0u32, true);
+    for &p in &before.as_flattened()[..ring.len()] {
+        let places =
+            after.iter().rev().fold(0, |places, eight| places << 8 | eight.simd_eq(u32x8::splat(p)).to_bitmask());
+        seen |= places;
+        is_once &= places & places.wrapping_sub(1) == 0;
+    }
+    is_once && seen.count_ones() as usize == ring.len()
 }
 
 /// All edges into `edges`, in the order of faces, those between irregular points last.
@@ -142,10 +150,12 @@ fn is_closed<const N: usize>(surface: &Surface, ring: &[Corner]) -> bool {
 /// Between other points an edge has two faces of opposite directions: the one in which it runs upwards names it.
 pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &mut Vec<Edge>) {
     const CHUNK: usize = 16384;
+    // Fewer fit the caches of one thread.
+    const MANY: usize = 6 * CHUNK;
     edges.clear();
     edges.reserve_exact(surface.face_count() * 3 / 2 + 64);
     let faces = surface.face_slots();
-    if faces <= CHUNK {
+    if faces <= MANY {
         regular_edges(surface, irregular, 0..faces, edges);
     } else {
         let chunks: Vec<Vec<Edge>> = (0..faces.div_ceil(CHUNK))
@@ -160,7 +170,7 @@ pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &
         chunks.iter().for_each(|chunk| edges.extend_from_slice(chunk));
     }
     let mut fan = Fan::default();
-    for a in (0..surface.points.len() as u32).filter(|&a| irregular.0[a as usize]) {
+    for a in irregular.points() {
         let ring = surface.ring(a);
         fan.fill(surface, ring);
         fan.gather(surface, a, ring, edges, |b| irregular.0[b as usize]);
@@ -168,13 +178,19 @@ pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &
 }
 
 fn regular_edges(surface: &Surface, irregular: &Irregular, faces: std::ops::Range<usize>, edges: &mut Vec<Edge>) {
-    for f in faces.filter(|&f| surface.is_live(f)) {
-        let [p, q, r] = surface.face(f);
-        for (a, b) in [(p, q), (q, r), (r, p)] {
-            if a < b && !irregular.are_both(a, b) {
-                edges.push(Edge { a, b, kind: EdgeKind::default() });
+    // Which way edges run cannot be foretold: all are written down, and those that run downwards written over.
+    const BLOCK: usize = 64;
+    let mut block = [Edge { a: 0, b: 0, kind: EdgeKind::default() }; 3 * BLOCK + 1];
+    for start in faces.clone().step_by(BLOCK) {
+        let mut count = 0;
+        for f in (start..(start + BLOCK).min(faces.end)).filter(|&f| surface.is_live(f)) {
+            let [p, q, r] = surface.face(f);
+            for (a, b) in [(p, q), (q, r), (r, p)] {
+                block[count] = Edge { a, b, kind: EdgeKind::default() };
+                count += usize::from((a < b) & !irregular.are_both(a, b));
             }
         }
+        edges.extend_from_slice(&block[..count]);
     }
 }
 

@@ -5,7 +5,7 @@
 
 use super::surface::Surface;
 use crate::tasks;
-use glam::{DVec3, U64Vec3};
+use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
 /// Most bits of a cell's place along an axis.
@@ -87,17 +87,18 @@ fn assign_points(surface: &Surface, count: usize) -> Vec<u16> {
     // A surface meets about as many cells as it has points for every sixteenth of them.
     let bits = ((points.len() as f64).log2() / 2.0 - 2.0).clamp(2.0, f64::from(MOST_BITS)) as u32;
     let scale = f64::from(1 << bits) * (1.0 - 1e-9) / (high - low).max_element().max(f64::MIN_POSITIVE);
+    let mask = (1 << bits) - 1;
     let cell_of = |p: DVec3| {
         // Points that are gone may be anywhere.
-        let at = ((p - low) * scale).as_u64vec3().min(U64Vec3::splat((1 << bits) - 1));
-        ((at.x << bits | at.y) << bits | at.z) as usize
+        let at = ((p - low) * scale).as_uvec3().min(UVec3::splat(mask));
+        (at.x << bits | at.y) << bits | at.z
     };
+    let cells_of = tasks::collect(points.len(), |p| cell_of(points[p]));
     let mut counts = vec![0u32; 1 << (3 * bits)];
-    used().for_each(|p| counts[cell_of(points[p])] += 1);
-    let mask = (1 << bits) - 1;
+    used().for_each(|p| counts[cells_of[p] as usize] += 1);
     let place = |cell: usize| {
-        let cell = cell as u64;
-        U64Vec3::new(cell >> (2 * bits), cell >> bits & mask, cell & mask)
+        let cell = cell as u32;
+        UVec3::new(cell >> (2 * bits), cell >> bits & mask, cell & mask)
     };
     let mut cells: Vec<Cell> = (0..counts.len())
         .filter(|&cell| counts[cell] > 0)
@@ -105,12 +106,12 @@ fn assign_points(surface: &Surface, count: usize) -> Vec<u16> {
         .collect();
     let mut region_of = counts;
     assign_cells(&mut cells, 0..count, &mut |cell, region| region_of[cell] = region as u32);
-    tasks::collect(points.len(), |p| region_of[cell_of(points[p])] as u16)
+    cells_of.into_iter().map(|cell| region_of[cell as usize] as u16).collect()
 }
 
 struct Cell {
     index: usize,
-    at: [u64; 3],
+    at: [u32; 3],
     points: u32,
 }
 

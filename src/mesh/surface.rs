@@ -4,12 +4,14 @@
 //! corner at a point, whatever the order, so that non-manifold meshes need no special case.
 
 use super::Mesh;
+use super::edges::Irregular;
 use super::regions::Region;
 use super::surgery::{Merge, holds};
 use super::wedges::Wedges;
 use super::weld::weld;
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
+use std::hint::select_unpredictable;
 
 /// Names corner `k` of face `f` as `f << 2 | k`.
 pub(crate) type Corner = u32;
@@ -120,12 +122,14 @@ impl Rings {
     fn remove(&mut self, point: u32, corner: Corner) {
         let span = &mut self.spans[point as usize];
         let run = &mut self.pool[span.start as usize..][..span.length as usize];
-        // Where it is cannot be foretold: looking at all is faster than leaving early.
-        let at = run.iter().enumerate().fold(run.len(), |at, (i, &c)| if c == corner { i } else { at });
-        if at < run.len() {
-            run.swap(at, run.len() - 1);
-            span.length -= 1;
+        // Where it is cannot be foretold: moving all is faster than looking for it.
+        let mut count = 0;
+        for i in 0..run.len() {
+            let other = run[i];
+            run[count] = other;
+            count += usize::from(other != corner);
         }
+        span.length = count as u32;
     }
 
     fn push(&mut self, point: u32, corner: Corner) {
@@ -172,16 +176,24 @@ impl Rings {
     }
 }
 
-/// Where in its face the two corners after this one are.
+/// What belongs to the two corners after this one, of what belongs to those of its face.
 #[inline]
-fn others(corner: Corner) -> [usize; 2] {
-    const OTHERS: [[usize; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
-    OTHERS[(corner & 3) as usize]
+fn others_of([a, b, c]: [u32; 3], corner: Corner) -> [u32; 2] {
+    // Which one it is cannot be foretold.
+    let choose = |first, second, third| {
+        select_unpredictable(corner & 3 == 0, first, select_unpredictable(corner & 3 == 1, second, third))
+    };
+    [choose(b, c, a), choose(c, a, b)]
 }
 
 impl Surface {
     /// Welds `mesh`, which must be valid. Triangles with two corners at one point, and exact copies of a triangle, are left out.
     pub fn new(mesh: &Mesh) -> Self {
+        Self::with_irregular(mesh).0
+    }
+
+    /// [`Self::new`], and which of its points are irregular.
+    pub fn with_irregular(mesh: &Mesh) -> (Self, Irregular) {
         let welded = weld(mesh);
         let frame = Frame::of(mesh, &welded.point_vertex);
         let points: Vec<DVec3> = welded.point_vertex.iter().map(|&v| frame.enter(mesh.positions[v as usize])).collect();
@@ -202,8 +214,9 @@ impl Surface {
         let heirs = (0..points.len() as u32).collect();
         let mut surface = Self { frame, points, faces, corners, wedges, rings: Rings::default(), live, heirs };
         surface.rings.rebuild(surface.points.len(), &surface.faces);
-        surface.drop_copies();
-        surface
+        let irregular = Irregular::find(&surface);
+        let irregular = if surface.drop_copies(&irregular) { Irregular::find(&surface) } else { irregular };
+        (surface, irregular)
     }
 
     /// Number of faces.
@@ -228,7 +241,7 @@ impl Surface {
 
     /// The corners of [`Self::opposite`].
     pub fn corners_opposite(corner: Corner) -> [Corner; 2] {
-        others(corner).map(|k| corner & !3 | k as u32)
+        others_of([0, 1, 2], corner).map(|k| corner & !3 | k)
     }
 
     /// The points of a live face.
@@ -290,16 +303,20 @@ impl Surface {
         self.corners_or_points()[Self::face_of(corner)][(corner & 3) as usize]
     }
 
+    /// Whether all corners at `point` have the same wedge.
+    pub fn has_one_wedge(&self, point: u32) -> bool {
+        let ring = self.ring(point);
+        self.corners.is_empty() || ring.iter().all(|&corner| self.wedge_at(corner) == self.wedge_at(ring[0]))
+    }
+
     /// The two points after the corner in its face, counter-clockwise.
     pub fn opposite(&self, corner: Corner) -> [u32; 2] {
-        let face = &self.faces[Self::face_of(corner)];
-        others(corner).map(|k| face[k])
+        others_of(self.faces[Self::face_of(corner)], corner)
     }
 
     /// The wedges that belong to [`Self::opposite`].
     pub fn opposite_wedges(&self, corner: Corner) -> [u32; 2] {
-        let face = &self.corners_or_points()[Self::face_of(corner)];
-        others(corner).map(|k| face[k])
+        others_of(self.corners_or_points()[Self::face_of(corner)], corner)
     }
 
     /// Removes a face.
@@ -376,7 +393,7 @@ impl Surface {
             self.rings.remove(point, corner);
             self.faces[Self::face_of(corner)][0] = DEAD;
         }
-        self.live -= merge.faces.len();
+        self.live -= merge.across.len();
         for &corner in merge.spokes_of_gone() {
             self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
         }
@@ -384,7 +401,7 @@ impl Surface {
             let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
             *wedge = merge.target(*wedge);
         }
-        self.rings.replace(kept, &merge.spokes);
+        self.rings.replace(kept, merge.spokes());
         self.rings.clear(gone);
         self.points[kept as usize] = position;
         if let Some(heir) = self.heirs.get_mut(gone as usize) {
@@ -399,13 +416,13 @@ impl Surface {
         }
         let mut next = 0;
         for f in 0..self.faces.len() {
-            if self.faces[f][0] != DEAD {
-                self.faces[next] = self.faces[f];
-                if !self.corners.is_empty() {
-                    self.corners[next] = self.corners[f];
-                }
-                next += 1;
+            // Those that are dead are written over: which ones they are cannot be foretold.
+            let is_live = self.is_live(f);
+            self.faces[next] = self.faces[f];
+            if !self.corners.is_empty() {
+                self.corners[next] = self.corners[f];
             }
+            next += usize::from(is_live);
         }
         self.faces.truncate(next);
         self.corners.truncate(next);
@@ -478,11 +495,11 @@ impl Surface {
         self.rings.rebuild(self.points.len(), &self.faces);
     }
 
-    /// Leaves the first of several faces with the same wedges in the same cyclic order.
-    fn drop_copies(&mut self) {
+    /// Leaves the first of several faces with the same wedges in the same cyclic order; gives whether there were any.
+    fn drop_copies(&mut self, irregular: &Irregular) -> bool {
         let turned = |w: [u32; 3], k: usize| [w[k], w[(k + 1) % 3], w[(k + 2) % 3]];
         let mut after = Vec::new();
-        for p in 0..self.points.len() as u32 {
+        for p in irregular.points() {
             let ring = self.ring(p);
             after.clear();
             after.extend(ring.iter().map(|&c| self.opposite(c)[0]));
@@ -496,7 +513,7 @@ impl Surface {
                 .collect();
             copies.into_iter().for_each(|face| self.remove_face(face));
         }
-        self.compact();
+        self.compact()
     }
 
     /// The surface as plain arrays: only used vertices, in the order in which triangles first use them.
@@ -520,28 +537,45 @@ impl Surface {
     fn number_vertices(&self) -> (Mesh, Vec<Vertex>) {
         // A wedge may stand at several points only by a bug; keyed by wedge the vertex count stays minimal.
         let mut vertex_of = vec![u32::MAX; self.wedges.len()];
-        let mut order = Vec::new();
+        // Which vertices are new cannot be foretold: those that are not are written over.
+        let mut order = vec![Vertex { point: 0, wedge: 0 }; self.wedges.len().min(3 * self.live) + 1];
+        let mut count = 0;
         let mut mesh = Mesh { triangles: Vec::with_capacity(self.live), ..Mesh::default() };
-        for f in self.live_faces() {
-            let triangle = [0, 1, 2].map(|k| {
-                let (point, wedge) = (self.faces[f][k], self.corners_or_points()[f][k]);
-                let slot = &mut vertex_of[wedge as usize];
-                if *slot == u32::MAX {
-                    *slot = order.len() as u32;
-                    order.push(Vertex { point, wedge });
-                }
-                *slot
-            });
-            mesh.triangles.push(triangle);
+        for f in self.list_live_faces() {
+            let (points, wedges) = (self.faces[f as usize], self.corners_or_points()[f as usize]);
+            mesh.triangles.push([0, 1, 2].map(|k| {
+                let (point, wedge) = (points[k], wedges[k]);
+                let known = vertex_of[wedge as usize];
+                let is_new = known == u32::MAX;
+                let vertex = select_unpredictable(is_new, count as u32, known);
+                vertex_of[wedge as usize] = vertex;
+                order[count] = Vertex { point, wedge };
+                count += usize::from(is_new);
+                vertex
+            }));
             if self.wedges.has_groups() {
-                mesh.groups.push(self.wedges.group(self.corners_or_points()[f][0]));
+                mesh.groups.push(self.wedges.group(wedges[0]));
             }
         }
+        order.truncate(count);
         (mesh, order)
+    }
+
+    /// The live faces in order. Where many are dead, and which ones cannot be foretold, that is faster than looking for the next one each time.
+    fn list_live_faces(&self) -> Vec<u32> {
+        let mut live = vec![0; self.live + 1];
+        let mut count = 0;
+        for f in 0..self.faces.len() {
+            live[count] = f as u32;
+            count += usize::from(self.is_live(f));
+        }
+        live.truncate(count);
+        live
     }
 }
 
 /// What becomes a vertex of a plain mesh.
+#[derive(Clone, Copy)]
 struct Vertex {
     point: u32,
     wedge: u32,

@@ -11,18 +11,14 @@ pub(crate) struct Merge {
     pub kept: u32,
     /// Becomes `kept`.
     pub gone: u32,
-    /// Faces that have both points.
-    pub faces: SmallVec<[usize; 4]>,
-    /// The points across the edge, the third ones of its faces, and their corners there.
+    /// The points across the edge, the third ones of the faces that have both, and their corners there.
     pub across: SmallVec<[(u32, Corner); 4]>,
     /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay, unless the merge is turned.
     pub pairs: SmallVec<[(u32, u32); 4]>,
-    /// Corners at either end whose faces survive: the ring of the joined point. Those at `kept` come first.
-    pub spokes: Vec<Corner>,
-    /// The points after each spoke in its face ([`Surface::opposite`]).
-    pub rims: Vec<[u32; 2]>,
-    /// The first of each rim: in closed rings all points around the joined one, each once.
-    pub firsts: Vec<u32>,
+    /// See [`Self::spokes`] and [`Self::rims`]; only the first `count` mean anything.
+    spokes: Vec<Corner>,
+    rims: Vec<[u32; 2]>,
+    count: usize,
     /// Where those at `gone` begin.
     from_gone: usize,
     /// The wedges at `gone` stay.
@@ -40,45 +36,74 @@ impl Merge {
     /// Looks at another edge.
     pub fn look(&mut self, surface: &Surface, kept: u32, gone: u32) {
         (self.kept, self.gone, self.turned) = (kept, gone, false);
-        self.faces.clear();
         self.across.clear();
         self.pairs.clear();
-        self.spokes.clear();
-        self.rims.clear();
-        self.firsts.clear();
-        for &corner in surface.ring(kept) {
-            let points = surface.opposite(corner);
-            if !points.contains(&gone) {
-                self.push_spoke(corner, points);
-                continue;
+        let rings = [surface.ring(kept), surface.ring(gone)];
+        let most = rings[0].len() + rings[1].len();
+        if self.spokes.len() < most {
+            self.spokes.resize(most, 0);
+            self.rims.resize(most, [0; 2]);
+        }
+        let (spokes, rims) = (&mut self.spokes[..most], &mut self.rims[..most]);
+        let mut count = 0;
+        for corners in rings[0].chunks(32) {
+            // Which corners are at faces of the edge cannot be foretold: all are written down, and those that are not wanted written over.
+            let mut shared = 0u32;
+            for (i, &corner) in corners.iter().enumerate() {
+                let rim = surface.opposite(corner);
+                (spokes[count], rims[count]) = (corner, rim);
+                let is_shared = (rim[0] == gone) | (rim[1] == gone);
+                shared |= u32::from(is_shared) << i;
+                count += usize::from(!is_shared);
             }
-            self.faces.push(Surface::face_of(corner));
-            let third = usize::from(points[0] == gone);
-            self.across.push((points[third], Surface::corners_opposite(corner)[third]));
-            let pair = pair_at(surface, corner, points, gone);
+            while shared != 0 {
+                let corner = corners[shared.trailing_zeros() as usize];
+                let rim = surface.opposite(corner);
+                let third = usize::from(rim[0] == gone);
+                self.across.push((rim[third], Surface::corners_opposite(corner)[third]));
+                shared &= shared - 1;
+            }
+        }
+        self.from_gone = count;
+        for &corner in rings[1] {
+            let rim = surface.opposite(corner);
+            (spokes[count], rims[count]) = (corner, rim);
+            count += usize::from((rim[0] != kept) & (rim[1] != kept));
+        }
+        self.count = count;
+        for &(_, across) in &self.across {
+            let (points, wedges) = (surface.opposite(across), surface.opposite_wedges(across));
+            let pair = if points[0] == kept { (wedges[0], wedges[1]) } else { (wedges[1], wedges[0]) };
             if !self.pairs.contains(&pair) {
                 self.pairs.push(pair);
             }
         }
-        self.from_gone = self.spokes.len();
-        for &corner in surface.ring(gone) {
-            let points = surface.opposite(corner);
-            if !points.contains(&kept) {
-                self.push_spoke(corner, points);
-            }
-        }
     }
 
-    fn push_spoke(&mut self, corner: Corner, points: [u32; 2]) {
-        self.spokes.push(corner);
-        self.rims.push(points);
-        self.firsts.push(points[0]);
+    /// Faces that have both points.
+    pub fn faces(&self) -> impl ExactSizeIterator<Item = usize> {
+        self.across.iter().map(|&(_, corner)| Surface::face_of(corner))
+    }
+
+    /// Corners at either end whose faces survive: the ring of the joined point. Those at `kept` come first.
+    pub fn spokes(&self) -> &[Corner] {
+        &self.spokes[..self.count]
+    }
+
+    /// The points after each spoke in its face ([`Surface::opposite`]).
+    pub fn rims(&self) -> &[[u32; 2]] {
+        &self.rims[..self.count]
+    }
+
+    /// The first of each rim: in closed rings all points around the joined one, each once.
+    pub fn firsts(&self) -> impl Iterator<Item = u32> {
+        self.rims().iter().map(|rim| rim[0])
     }
 
     /// The points around the joined point, each once.
     pub fn around(&self, points: &mut Vec<u32>) {
         points.clear();
-        for &p in self.firsts.iter().chain(self.rims.iter().map(|rim| &rim[1])) {
+        for p in self.firsts().chain(self.rims().iter().map(|rim| rim[1])) {
             if !holds(points, p) {
                 points.push(p);
             }
@@ -88,9 +113,10 @@ impl Merge {
     /// Whether the collapse of an edge between two regular points keeps the link condition.
     pub fn keeps_regular(&self) -> bool {
         // Each rim goes from one of the points across the edge to the other: what they share beyond those is among the first points.
-        let (near, far) = self.firsts.split_at(self.from_gone);
+        let (near, far) = self.rims().split_at(self.from_gone);
+        let is_near = |p: u32| near.iter().fold(false, |found, rim| found | (rim[0] == p));
         // With one face at either end both would lie on each other (the tetrahedron).
-        self.faces.len() == 2 && self.spokes.len() > 2 && !far.iter().any(|&p| holds(near, p))
+        self.across.len() == 2 && self.count > 2 && !far.iter().any(|rim| is_near(rim[0]))
     }
 
     /// Whether every wedge has one partner at most: otherwise a seam ends in this edge and would be torn into the surface.
@@ -146,7 +172,7 @@ impl Merge {
 
     /// Corners at `gone` whose faces survive.
     pub fn spokes_of_gone(&self) -> &[Corner] {
-        &self.spokes[self.from_gone..]
+        &self.spokes()[self.from_gone..]
     }
 
     /// Corners whose wedges become others, where those have partners.
@@ -176,18 +202,13 @@ pub(crate) fn pair_wedges(surface: &Surface, a: u32, b: u32) -> SmallVec<[(u32, 
     for &corner in surface.ring(a) {
         let points = surface.opposite(corner);
         if points.contains(&b) {
-            let pair = pair_at(surface, corner, points, b);
+            let pair = (surface.wedge_at(corner), surface.opposite_wedges(corner)[usize::from(points[1] == b)]);
             if !pairs.contains(&pair) {
                 pairs.push(pair);
             }
         }
     }
     pairs
-}
-
-/// The wedges at a corner and at `other`, one of the `points` opposite.
-fn pair_at(surface: &Surface, corner: Corner, points: [u32; 2], other: u32) -> (u32, u32) {
-    (surface.wedge_at(corner), surface.opposite_wedges(corner)[usize::from(points[1] == other)])
 }
 
 /// Whether `point` is among `points`: a handful, so that comparing with all of them is faster than leaving early.
@@ -216,7 +237,7 @@ pub(crate) fn split_edge(surface: &mut Surface, a: u32, b: u32, position: DVec3)
     for &(wa, wb) in &merge.pairs {
         made.push([surface.wedges.duplicate(wa), wa, wb]);
     }
-    for &face in &merge.faces {
+    for face in merge.faces() {
         let (points, wedges) = (surface.face(face), surface.face_wedges(face));
         let (Some(ka), Some(kb)) = (points.iter().position(|&p| p == a), points.iter().position(|&p| p == b)) else {
             continue;

@@ -87,7 +87,7 @@ impl Log {
     pub fn begin(&self, surface: &Surface, merge: &Merge) -> Entry {
         let mut entry =
             Entry { step: Step::default(), kept: merge.kept, wedges: SmallVec::new(), at_risk: SmallVec::new() };
-        for &face in &merge.faces {
+        for face in merge.faces() {
             let (points, wedges) = (surface.face(face), surface.face_wedges(face));
             entry.step.faces.push((self.number_of[face], wedges.map(|w| self.node_of[w as usize])));
             for third in (0..3).filter(|&k| points[k] != merge.kept && points[k] != merge.gone) {
@@ -96,7 +96,7 @@ impl Log {
         }
         let ends = [(merge.kept, 0), (merge.gone, 1)];
         let corners = || ends.iter().flat_map(|&(point, end)| surface.ring(point).iter().map(move |&c| (c, end)));
-        for (corner, end) in corners().filter(|(c, _)| !merge.faces.contains(&Surface::face_of(*c))) {
+        for (corner, end) in corners().filter(|(c, _)| merge.faces().all(|face| face != Surface::face_of(*c))) {
             let becomes = wedge_after(surface, merge, corner, end);
             if !entry.wedges.contains(&becomes) {
                 entry.wedges.push(becomes);
@@ -126,7 +126,7 @@ impl Log {
             children.push((node, end));
             children.len() - 1
         });
-        if !merge.faces.contains(&face) {
+        if merge.faces().all(|gone| gone != face) {
             entry.step.owners.push((self.number_of[face], child as u32));
         }
     }

@@ -1,7 +1,8 @@
 //! A queue of collapses by cost, to a per cent or two: all that are about equally cheap share a bucket.
 //!
 //! Those that are known from the start are sorted once (counting sort, in their order within a bucket, so that what lies together on the surface
-//! comes out together); those that come later go to lists. Adding and taking cost the same however many there are.
+//! comes out together); those that come later go to lists. Adding and taking cost the same however many there are. What is so dear that its turn would
+//! not come anyway need not be kept.
 
 use crate::mesh::edges::Edge;
 
@@ -31,11 +32,20 @@ pub(crate) struct Buckets {
     bucket: usize,
     left: Vec<u32>,
     lists: Lists,
+    /// What costs so much or more is left out.
+    limit: f32,
 }
 
 impl Default for Buckets {
     fn default() -> Self {
-        Self { sorted: Vec::new(), next: 0, bucket: BUCKETS, left: vec![0; BUCKETS], lists: Lists::default() }
+        Self {
+            sorted: Vec::new(),
+            next: 0,
+            bucket: BUCKETS,
+            left: vec![0; BUCKETS],
+            lists: Lists::default(),
+            limit: f32::INFINITY,
+        }
     }
 }
 
@@ -50,22 +60,30 @@ pub(crate) fn least_of(bucket: usize) -> f32 {
 }
 
 impl Buckets {
-    /// Starts with `edges` that cost `costs` ≥ 0, ranked at time 0. Those that cost infinitely much are left out.
-    pub fn fill(&mut self, edges: &[Edge], costs: &[f32]) {
+    /// Starts with the cheapest `share` of the `edges` that cost `costs` ≥ 0, ranked at time 0. What costs more than those, or infinitely much, is left
+    /// out, now and later.
+    pub fn fill(&mut self, edges: &[Edge], costs: &[f32], share: f64) {
         self.lists.clear();
-        let finite = || edges.iter().zip(costs).filter(|(_, cost)| cost.is_finite());
-        let range = finite().map(|(_, cost)| bucket_of(*cost));
-        let (first, last) = range.fold((BUCKETS, 0), |(first, last), b| (first.min(b), last.max(b)));
         self.left[self.bucket.min(BUCKETS)..].fill(0);
-        finite().for_each(|(_, cost)| self.left[bucket_of(*cost)] += 1);
-        let mut count = 0;
-        let place = |&left: &u32| {
-            count += left;
-            count - left
-        };
-        let mut places: Vec<u32> = self.left.get(first..=last).unwrap_or_default().iter().map(place).collect();
+        let (mut first, mut last, mut finite) = (BUCKETS, 0, 0);
+        for cost in costs.iter().filter(|cost| cost.is_finite()) {
+            let bucket = bucket_of(*cost);
+            (first, last, finite) = (first.min(bucket), last.max(bucket), finite + 1);
+            self.left[bucket] += 1;
+        }
+        let (mut count, most) = (0, (share * f64::from(finite)).ceil() as u32);
+        let mut places = Vec::with_capacity((last + 1).saturating_sub(first));
+        for left in self.left.get_mut(first..=last).unwrap_or_default() {
+            if count < most {
+                places.push(count);
+                count += *left;
+            } else {
+                *left = 0;
+            }
+        }
+        self.limit = if count < finite { least_of(first + places.len()) } else { f32::INFINITY };
         self.sorted.resize(count as usize, [0; 2]);
-        for (edge, cost) in finite() {
+        for (edge, cost) in edges.iter().zip(costs).filter(|(_, cost)| **cost < self.limit) {
             let place = &mut places[bucket_of(*cost) - first];
             self.sorted[*place as usize] = [edge.a, edge.b];
             *place += 1;
@@ -73,34 +91,59 @@ impl Buckets {
         (self.next, self.bucket) = (0, first);
     }
 
+    /// Whether anything may have been left out that has a cost.
+    pub fn is_cut(&self) -> bool {
+        self.limit < f32::INFINITY
+    }
+
+    /// Leaves out all from a bucket on, now and later.
+    pub fn leave_out(&mut self, bucket: usize) {
+        self.limit = self.limit.min(least_of(bucket.min(bucket_of(f32::INFINITY))));
+    }
+
     /// Adds a collapse that costs `cost` ≥ 0.
     #[inline]
     pub fn push(&mut self, cost: f32, entry: Entry) {
-        if self.lists.is_full() && self.next > 0 {
+        if cost < self.limit {
+            self.insert(bucket_of(cost), entry);
+        }
+    }
+
+    fn insert(&mut self, bucket: usize, entry: Entry) {
+        if self.lists.is_full() && 2 * self.next > self.sorted.len() {
             // What was taken makes room.
             self.sorted.drain(..std::mem::take(&mut self.next));
             self.sorted.shrink_to_fit();
         }
-        self.lists.push(bucket_of(cost), entry);
+        self.lists.push(bucket, entry);
     }
 
-    /// Takes one of the cheapest, with the most that it may cost, if its bucket is below `end`.
+    /// Takes one of the cheapest that are wanted, with the most that it may cost, if its bucket is below `end`. Those that are not are dropped.
     #[inline]
-    pub fn pop(&mut self, end: usize) -> Option<(Entry, f32)> {
-        let listed = self.lists.first();
-        let bucket = self.bucket.min(listed);
-        let entry = if bucket >= end {
-            return None;
-        } else if bucket == listed {
-            self.lists.pop(bucket)
-        } else {
-            let [a, b] = self.sorted[self.next];
-            self.next += 1;
-            self.left[bucket] -= 1;
-            self.find_bucket();
-            Entry { a, b, time: 0 }
-        };
-        Some((entry, f32::from_bits(((bucket as u32 + 1) << SHIFT) - 1)))
+    pub fn pop(&mut self, end: usize, is_wanted: impl Fn(Entry) -> bool) -> Option<(Entry, f32)> {
+        let end = end.min(bucket_of(self.limit));
+        let with_cost = |entry: Entry, bucket: usize| (entry, f32::from_bits(((bucket as u32 + 1) << SHIFT) - 1));
+        loop {
+            let listed = self.lists.first();
+            while self.bucket < listed.min(end) {
+                let bucket = self.bucket;
+                let [a, b] = self.sorted[self.next];
+                self.next += 1;
+                self.left[bucket] -= 1;
+                self.find_bucket();
+                let entry = Entry { a, b, time: 0 };
+                if is_wanted(entry) {
+                    return Some(with_cost(entry, bucket));
+                }
+            }
+            if listed >= end {
+                return None;
+            }
+            let entry = self.lists.pop(listed);
+            if is_wanted(entry) {
+                return Some(with_cost(entry, listed));
+            }
+        }
     }
 
     /// How many of those known from the start are left in each bucket.
@@ -156,7 +199,7 @@ impl Lists {
             None => {
                 if self.entries.len() == self.entries.capacity() {
                     // Doubling would leave half of what is the most memory of all unused.
-                    self.entries.reserve_exact(self.entries.len() / 8 + 256);
+                    self.entries.reserve_exact(self.entries.len() / 3 + 256);
                 }
                 self.entries.push(link);
                 self.entries.len() as u32 - 1
@@ -196,14 +239,32 @@ mod tests {
     use crate::mesh::edges::EdgeKind;
     use proptest::prelude::*;
 
+    #[test]
+    fn dear_ones_are_left_out() {
+        let costs = [4.0, 1.0, f32::INFINITY, 3.0, 2.0];
+        let edges: Vec<Edge> = (0..5).map(|a| Edge { a, b: 9, kind: EdgeKind::default() }).collect();
+        let mut queue = Buckets::default();
+        queue.fill(&edges, &costs, 0.75);
+        assert!(queue.is_cut());
+        for (a, cost) in [(10, 2.5), (11, 5.0)] {
+            queue.push(cost, Entry { a, b: 9, time: 1 });
+        }
+        let mut take_all = || std::iter::from_fn(|| queue.pop(BUCKETS, |entry| entry.a != 4)).collect::<Vec<_>>();
+        assert_eq!(take_all().iter().map(|(entry, _)| entry.a).collect::<Vec<_>>(), [1, 10, 3]);
+        queue.fill(&edges, &costs, 1.0);
+        queue.leave_out(bucket_of(2.0));
+        assert_eq!(queue.pop(BUCKETS, |_| true).map(|(entry, _)| entry.a), Some(1));
+        assert_eq!(queue.pop(BUCKETS, |_| true), None);
+    }
+
     proptest! {
         #[test]
         fn all_come_out_by_cost(first in prop::collection::vec(0.0f32..1e6, 0..50), later in prop::collection::vec(0.0f32..1e-3, 0..50)) {
             let edge = |(_, a): (_, u32)| Edge { a, b: a + 1, kind: EdgeKind::default() };
             let edges: Vec<Edge> = first.iter().zip(0..).map(edge).collect();
             let mut queue = Buckets::default();
-            queue.fill(&edges, &first);
-            let taken = queue.pop(BUCKETS);
+            queue.fill(&edges, &first, 1.0);
+            let taken = queue.pop(BUCKETS, |_| true);
             prop_assert_eq!(taken.is_some(), !first.is_empty());
             for (&cost, a) in later.iter().zip(1000..) {
                 queue.push(cost, Entry { a, b: 0, time: 1 });
@@ -214,7 +275,7 @@ mod tests {
                 all.remove(all.iter().position(|c| *c == first.iter().copied().fold(f32::INFINITY, f32::min)).unwrap_or(0));
             }
             let mut found = Vec::new();
-            while let Some((entry, most)) = queue.pop(BUCKETS) {
+            while let Some((entry, most)) = queue.pop(BUCKETS, |_| true) {
                 let cost = if entry.a >= 1000 { later[entry.a as usize - 1000] } else { first[entry.a as usize] };
                 prop_assert!(cost <= most && most <= cost * 1.02 + f32::MIN_POSITIVE, "{} {}", cost, most);
                 found.push(most);

@@ -73,19 +73,65 @@ impl Constraints {
         self.seam == EdgePolicy::Free
     }
 
-    /// Marks the ends of locked edges.
-    pub fn lock_points(&self, points: usize, edges: &[Edge]) -> Vec<bool> {
+    /// Locks the ends of locked edges.
+    pub fn lock_points(&self, points: usize, edges: &[Edge]) -> Locked {
         let locks = |kind: EdgeKind| {
             (kind.has(EdgeKind::BORDER) && self.border == EdgePolicy::Lock)
                 || (kind.has(EdgeKind::MATERIAL) && self.material == EdgePolicy::Lock)
                 || (kind.has(EdgeKind::SEAM) && !kind.has(EdgeKind::MATERIAL) && self.seam == EdgePolicy::Lock)
         };
-        let mut locked = vec![false; points];
+        let mut locked = Vec::new();
         for edge in edges.iter().filter(|e| locks(e.kind)) {
+            locked.resize(points, false);
             locked[edge.a as usize] = true;
             locked[edge.b as usize] = true;
         }
-        locked
+        Locked(locked)
+    }
+}
+
+/// The points that may not move.
+#[derive(Debug, Clone)]
+pub(crate) struct Locked(
+    /// Of each point; empty where all may.
+    Vec<bool>,
+);
+
+impl Locked {
+    /// Whether there are no such points.
+    pub fn are_none(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether the point is one of them.
+    pub fn has(&self, point: u32) -> bool {
+        self.0.get(point as usize).is_some_and(|is| *is)
+    }
+
+    /// Locks `point` too, if `other` is locked.
+    pub fn follow(&mut self, point: u32, other: u32) {
+        if self.has(other) {
+            self.0[point as usize] = true;
+        }
+    }
+
+    /// Makes room for points that may move.
+    pub fn grow(&mut self, points: usize) {
+        if !self.are_none() {
+            self.0.resize(points, false);
+        }
+    }
+
+    /// What is known of some points.
+    pub fn pick(&self, points: &[u32]) -> Self {
+        if self.are_none() { self.clone() } else { Self(points.iter().map(|&p| self.has(p)).collect()) }
+    }
+
+    /// Takes what has become of some points.
+    pub fn merge(&mut self, part: &Self, points: &[u32]) {
+        for (&point, _) in points.iter().zip(&part.0).filter(|(_, is)| **is) {
+            self.0[point as usize] = true;
+        }
     }
 }
 

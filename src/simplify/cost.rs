@@ -1,5 +1,6 @@
 //! What a collapse is worth and where the point goes: the policy that algorithms differ in.
 
+use super::constraints::Locked;
 use super::fan::Fan;
 use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
@@ -35,7 +36,7 @@ pub(crate) trait Cost: Any + Send + Sync {
     }
 
     /// About what `edges` cost, to put them in order; [`UNRANKED`] where there is no candidate. As many `costs` as edges.
-    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &Locked, costs: &mut [f32]) {
         edges.iter().zip(costs).for_each(|(edge, cost)| *cost = self.rank_exactly(surface, edge, locked));
     }
 
@@ -47,7 +48,7 @@ pub(crate) trait Cost: Any + Send + Sync {
     }
 
     /// What an edge costs, as judged; [`UNRANKED`] where there is no candidate.
-    fn rank_exactly(&self, surface: &Surface, edge: &Edge, locked: &[bool]) -> f32 {
+    fn rank_exactly(&self, surface: &Surface, edge: &Edge, locked: &Locked) -> f32 {
         let candidate =
             pinned(surface, locked, edge.a, edge.b).and_then(|pin| self.judge(surface, edge.a, edge.b, pin));
         candidate.map_or(UNRANKED, |c| c.cost as f32)
@@ -159,8 +160,8 @@ impl Cost for AtEnds {
 }
 
 /// Where the joined point of an edge has to go, if an end is locked; `None` if both are.
-pub(crate) fn pinned(surface: &Surface, locked: &[bool], a: u32, b: u32) -> Option<Option<DVec3>> {
-    match (locked[a as usize], locked[b as usize]) {
+pub(crate) fn pinned(surface: &Surface, locked: &Locked, a: u32, b: u32) -> Option<Option<DVec3>> {
+    match (locked.has(a), locked.has(b)) {
         (true, true) => None,
         (true, false) => Some(Some(surface.points[a as usize])),
         (false, true) => Some(Some(surface.points[b as usize])),

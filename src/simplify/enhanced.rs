@@ -6,7 +6,7 @@
 //!
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
-use super::constraints::{Constraints, upright_planes};
+use super::constraints::{Constraints, Locked, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
 use super::fan::Fan;
@@ -139,15 +139,16 @@ impl Enhanced {
         self.facets = Vec::new();
     }
 
-    /// Adds to an estimate what attributes cost, and judges anew what could not be estimated.
-    #[inline]
-    fn complete(&self, surface: &Surface, a: u32, b: u32, cost: &mut f32) {
-        if !self.metric.is_empty() || !cost.is_finite() {
-            self.add_attributes(surface, a, b, cost);
-        }
+    /// Whether estimates are all that is needed.
+    fn are_complete(&self, estimates: &[f32]) -> bool {
+        self.metric.is_empty() && estimates.iter().fold(true, |all, cost| all & cost.is_finite())
     }
 
-    fn add_attributes(&self, surface: &Surface, a: u32, b: u32, cost: &mut f32) {
+    /// Adds to an estimate what attributes cost, or judges anew what could not be estimated.
+    fn complete(&self, surface: &Surface, a: u32, b: u32, cost: &mut f32) {
+        if self.metric.is_empty() && cost.is_finite() {
+            return;
+        }
         if self.at_ends || !cost.is_finite() {
             *cost = self.judge(surface, a, b, None).map_or(UNRANKED, |c| c.cost as f32);
         } else {
@@ -201,6 +202,9 @@ impl Cost for Enhanced {
         self.apexes.extend(take(&mut self.curvatures).into_iter().map(Apex::with_curvature));
         tasks::for_each(&mut self.apexes, |p, apex| {
             let ring = surface.ring(p as u32);
+            if ring.is_empty() {
+                return;
+            }
             apex.set_faces(surface.points[p], ring.iter().map(|&c| facets[Surface::face_of(c)]));
         });
         self.ridged.fill(false);
@@ -210,11 +214,11 @@ impl Cost for Enhanced {
         self.metric.refresh(surface);
     }
 
-    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &[bool], costs: &mut [f32]) {
+    fn rank(&self, surface: &Surface, edges: &[Edge], locked: &Locked, costs: &mut [f32]) {
         let weight = self.options.curvature_weight;
         let estimate = |edges: &[Edge; LANES]| {
-            let ends = [|e: &Edge| e.a, |e: &Edge| e.b];
-            let [a, b] = ends.map(|end| Lanes::of(edges.each_ref().map(|e| &self.apexes[end(e) as usize])));
+            let a = Lanes::of(edges.each_ref().map(|e| &self.apexes[e.a as usize]));
+            let b = Lanes::of(edges.each_ref().map(|e| &self.apexes[e.b as usize]));
             estimate(&a, &b, weight, self.at_ends)
         };
         let (fours, rest) = edges.as_chunks();
@@ -224,11 +228,13 @@ impl Cost for Enhanced {
             let filled = std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last));
             costs_of_rest.copy_from_slice(&estimate(&filled)[..rest.len()]);
         }
-        for (edge, cost) in edges.iter().zip(costs) {
-            if locked[edge.a as usize] || locked[edge.b as usize] {
-                *cost = self.rank_exactly(surface, edge, locked);
-            } else {
-                self.complete(surface, edge.a, edge.b, cost);
+        if !locked.are_none() || !self.are_complete(costs) {
+            for (edge, cost) in edges.iter().zip(costs) {
+                if locked.has(edge.a) || locked.has(edge.b) {
+                    *cost = self.rank_exactly(surface, edge, locked);
+                } else {
+                    self.complete(surface, edge.a, edge.b, cost);
+                }
             }
         }
     }
@@ -246,18 +252,27 @@ impl Cost for Enhanced {
         if self.at_ends {
             return self.judge_ends(surface, ends[0], ends[1], fixed);
         }
-        self.judge_between(surface, ends, merge.faces.iter().copied(), fixed)
+        self.judge_between(surface, ends, merge.faces(), fixed)
     }
 
     fn rank_hub(&self, surface: &Surface, hub: u32, around: &[u32], costs: &mut [f32]) {
         let weight = self.options.curvature_weight;
         let here = Lanes::splat(&self.apexes[hub as usize]);
-        for (points, costs) in around.chunks(LANES).zip(costs.chunks_mut(LANES)) {
-            let others = std::array::from_fn(|lane| &self.apexes[points[lane.min(points.len() - 1)] as usize]);
-            costs.copy_from_slice(&estimate(&here, &Lanes::of(others), weight, self.at_ends)[..points.len()]);
+        let estimate = |points: &[u32; LANES]| {
+            let others = Lanes::of(points.each_ref().map(|&p| &self.apexes[p as usize]));
+            estimate(&here, &others, weight, self.at_ends)
+        };
+        let (fours, rest) = around.as_chunks();
+        let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
+        fours.iter().zip(costs_of_fours).for_each(|(points, costs)| *costs = estimate(points));
+        if let Some(&last) = rest.last() {
+            let filled = estimate(&std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(last)));
+            costs_of_rest.iter_mut().zip(filled).for_each(|(cost, new)| *cost = new);
         }
-        for (&p, cost) in around.iter().zip(costs) {
-            self.complete(surface, hub.min(p), hub.max(p), cost);
+        if !self.are_complete(costs) {
+            for (&p, cost) in around.iter().zip(costs) {
+                self.complete(surface, hub.min(p), hub.max(p), cost);
+            }
         }
     }
 
@@ -281,7 +296,7 @@ impl Cost for Enhanced {
     }
 
     fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {
-        for (corners, four) in merge.spokes.chunks(LANES).zip(fan.fours()) {
+        for (corners, four) in merge.spokes().chunks(LANES).zip(fan.fours()) {
             for (&corner, facet) in corners.iter().zip(four.facets()) {
                 self.facets[Surface::face_of(corner)] = Facet(facet);
             }
@@ -289,7 +304,9 @@ impl Cost for Enhanced {
     }
 
     fn merged(&mut self, surface: &Surface, kept: u32, gone: u32) {
-        self.metric.merged(surface, kept);
+        if !self.metric.is_empty() {
+            self.metric.merged(surface, kept);
+        }
         self.ridged[kept as usize] |= self.ridged[gone as usize];
         let gone = self.apexes[gone as usize].curvature();
         let kept = self.apexes[kept as usize].curvature_mut();
@@ -344,7 +361,9 @@ impl Cost for Enhanced {
     fn update(&mut self, surface: &Surface, point: u32) {
         let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
-        self.metric.update(surface, point);
+        if !self.metric.is_empty() {
+            self.metric.update(surface, point);
+        }
         if !self.ridged[point as usize] {
             return;
         }

@@ -49,15 +49,19 @@ impl Fan {
     pub fn look(&mut self, surface: &Surface, merge: &Merge, position: DVec3) -> Result<f32, Cause> {
         self.fours.clear();
         let from = |p: u32| (surface.points[p as usize] - position).as_vec3();
-        let ends = [merge.kept, merge.gone].map(from);
-        let (rims, of_kept) = (merge.rims.as_slice(), merge.spokes_of_kept().len());
+        let ends = [merge.kept, merge.gone].map(|end| from(end).to_array().map(f32x4::splat));
+        let places = f32x4::from([0.0, 1.0, 2.0, 3.0]);
+        let rims = merge.rims();
+        // What fills up the last four belongs to the same end as the last one.
+        let of_kept = if merge.spokes_of_gone().is_empty() { usize::MAX } else { merge.spokes_of_kept().len() };
         let mut worst = f32x4::splat(f32::INFINITY);
         for start in (0..rims.len()).step_by(LANES) {
             // The last four are filled up with copies.
-            let at = |lane: usize| (start + lane).min(rims.len() - 1);
-            let first = gather(std::array::from_fn(|lane| from(rims[at(lane)][0])));
-            let second = gather(std::array::from_fn(|lane| from(rims[at(lane)][1])));
-            let apex = gather(std::array::from_fn(|lane| ends[usize::from(at(lane) >= of_kept)]));
+            let last = rims.len() - 1;
+            let four = [0, 1, 2, 3].map(|lane: usize| rims[(start + lane).min(last)]);
+            let (first, second) = (gather(four.map(|rim| from(rim[0]))), gather(four.map(|rim| from(rim[1]))));
+            let is_of_kept = places.simd_lt(f32x4::splat(of_kept as f32 - start as f32));
+            let apex = std::array::from_fn(|i| is_of_kept.select(ends[0][i], ends[1][i]));
             let (new, old) = (Four::new(first, second), Four::new(minus(first, apex), minus(second, apex)));
             let turned = dot(new.cross, old.cross).simd_le(f32x4::splat(FLIP_COSINE) * new.length * old.length);
             if (turned & old.length.simd_gt(f32x4::ZERO)).any() {
@@ -115,7 +119,7 @@ mod tests {
         ) {
             let surface = Surface::new(&ring(&heights));
             let merge = Merge::new(&surface, 0, 1);
-            prop_assert_eq!(merge.spokes.len(), heights.len());
+            prop_assert_eq!(merge.spokes().len(), heights.len());
             let position = surface.points[0].lerp(surface.points[1], 0.5) + DVec3::from(place.map(f64::from)) * 0.3;
             let mut fan = Fan::default();
             let found = fan.look(&surface, &merge, position);
@@ -124,7 +128,7 @@ mod tests {
                 [position, p, q]
             };
             let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).normalize();
-            let cosines = merge.spokes.iter().map(|c| normal(moved(c)).dot(normal({
+            let cosines = merge.spokes().iter().map(|c| normal(moved(c)).dot(normal({
                 let [p, q] = surface.opposite(*c).map(|p| surface.points[p as usize]);
                 let apex = if merge.spokes_of_kept().contains(c) { 0 } else { 1 };
                 [surface.points[apex], p, q]
@@ -133,10 +137,10 @@ mod tests {
             prop_assume!((least - f64::from(FLIP_COSINE)).abs() > 1e-4);
             prop_assert_eq!(found.is_ok(), least > f64::from(FLIP_COSINE));
             if let Ok(worst) = found {
-                let expected = merge.spokes.iter().map(|c| quality(moved(c))).fold(f64::INFINITY, f64::min);
+                let expected = merge.spokes().iter().map(|c| quality(moved(c))).fold(f64::INFINITY, f64::min);
                 prop_assert!((f64::from(worst) - expected).abs() < 1e-5);
                 let facets: Vec<Vec4> = fan.fours().iter().flat_map(Four::facets).take(heights.len()).collect();
-                for (facet, corner) in facets.iter().zip(&merge.spokes) {
+                for (facet, corner) in facets.iter().zip(merge.spokes()) {
                     let [a, b, c] = moved(corner);
                     prop_assert!(facet.truncate().as_dvec3().distance(normal([a, b, c])) < 1e-4);
                     prop_assert!((f64::from(facet.w) - 0.5 * (b - a).cross(c - a).length()).abs() < 1e-5);

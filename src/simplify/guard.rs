@@ -113,10 +113,10 @@ impl Needles {
 
 /// Checks what is left of the piece.
 pub(crate) fn check_remains(merge: &Merge, paid: bool) -> Result<(), Cause> {
-    match (merge.spokes.len(), merge.faces.len()) {
+    match (merge.spokes().len(), merge.across.len()) {
         // Whole pieces go at a price of their own, see `prune`.
         (0, _) => Err(Cause::Vanish),
-        (2, 2) if !paid && merge.rims[0] == [merge.rims[1][1], merge.rims[1][0]] => Err(Cause::Flatten),
+        (2, 2) if !paid && merge.rims()[0] == [merge.rims()[1][1], merge.rims()[1][0]] => Err(Cause::Flatten),
         _ => Ok(()),
     }
 }
@@ -124,17 +124,17 @@ pub(crate) fn check_remains(merge: &Merge, paid: bool) -> Result<(), Cause> {
 /// Checks topology: the collapse must not join sheets or close holes (link condition). `border`: which points lie on an open edge.
 pub(crate) fn check_topology(surface: &Surface, merge: &Merge, border: &[bool]) -> Result<(), Cause> {
     let across: SmallVec<[u32; 4]> = merge.across.iter().map(|across| across.0).collect();
-    let (near, far) = merge.rims.split_at(merge.spokes_of_kept().len());
+    let (near, far) = merge.rims().split_at(merge.spokes_of_kept().len());
     let is_near = |p: &u32| holds(near.as_flattened(), *p) && !holds(&across, *p);
     if far.as_flattened().iter().any(is_near) {
         return Err(Cause::Link);
     }
     // Faces over the same points across the edge, one at either end, would lie on each other (the tetrahedron).
     let over_across = |rim: &&[u32; 2]| holds(&across, rim[0]) && holds(&across, rim[1]);
-    if merge.rims.iter().filter(over_across).count() > 1 {
+    if merge.rims().iter().filter(over_across).count() > 1 {
         return Err(Cause::Link);
     }
-    if border[merge.kept as usize] && border[merge.gone as usize] && merge.faces.len() == 2 {
+    if border[merge.kept as usize] && border[merge.gone as usize] && merge.across.len() == 2 {
         let kind = edge_kind(surface, merge.kept, merge.gone).unwrap_or_default();
         if !kind.has(EdgeKind::COMPLEX) {
             return Err(Cause::Border);

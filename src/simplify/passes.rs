@@ -10,12 +10,16 @@ use super::prune::{self, Piece};
 use super::reducer::{Outcome, Reducer, Terms};
 use crate::mesh::edges::Edge;
 use std::iter::Peekable;
+use std::mem::take;
 use std::vec::IntoIter;
 
 /// Everything is looked at anew when so much of the faces is left.
 const REFILL: f64 = 0.4;
+/// Share of the edges that the queue keeps, the cheapest: on the way there no more than four of five were ever needed, and most of those that are ranked
+/// again are dearer.
+const KEPT: f64 = 0.85;
 /// Faces from which on the queue of the whole surface is left for parts as soon as that is possible: their data fit the caches.
-const MANY: usize = 64 * 1024;
+const MANY: usize = 96 * 1024;
 
 /// How closely the order of costs is kept.
 #[derive(Debug, Clone, Copy)]
@@ -24,16 +28,18 @@ struct Order {
     trust: f32,
     /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
     reorder: f32,
+    /// Share of the edges that is kept: all of them where they are ranked below their costs.
+    kept: f64,
 }
 
 impl Order {
     fn of(reducer: &Reducer) -> Self {
         match (reducer.goes_to_ends(), reducer.effort()) {
             // Which points stay is all there is to choose.
-            (true, _) => Self { trust: 1.0, reorder: 1.3 },
-            (_, Effort::Fast) => Self { trust: 1.0, reorder: 2.0 },
-            (_, Effort::Default) => Self { trust: 0.6, reorder: 1.1 },
-            (_, Effort::Best) => Self { trust: 0.4, reorder: 1.02 },
+            (true, _) => Self { trust: 1.0, reorder: 1.3, kept: KEPT },
+            (_, Effort::Fast) => Self { trust: 1.0, reorder: 2.0, kept: KEPT },
+            (_, Effort::Default) => Self { trust: 0.6, reorder: 1.1, kept: 1.0 },
+            (_, Effort::Best) => Self { trust: 0.4, reorder: 1.02, kept: 1.0 },
         }
     }
 }
@@ -59,6 +65,8 @@ pub(crate) struct Workspace {
     time: u32,
     /// Number of faces down to which the queue serves; `None` before it was filled.
     serves_to: Option<usize>,
+    /// Whether the queue was empty too early, as dear edges had been left out.
+    needs_all: bool,
 }
 
 /// Collapses until `target` faces (± 1), or nothing may collapse any more.
@@ -75,7 +83,8 @@ pub(crate) fn run(reducer: &mut Reducer, workspace: &mut Workspace, target: usiz
         }
         // The queue is empty.
         workspace.serves_to = None;
-        if workspace.time == 0 {
+        workspace.needs_all = workspace.queue.is_cut();
+        if workspace.time == 0 && !workspace.needs_all {
             // Nothing may collapse any more: then whole pieces have to go.
             let Some(piece) = workspace.pieces.next() else { return };
             let left = reducer.surface.face_count() - target;
@@ -96,6 +105,7 @@ impl Default for Workspace {
             marks: Vec::new(),
             time: 0,
             serves_to: None,
+            needs_all: false,
         }
     }
 }
@@ -114,15 +124,16 @@ impl Workspace {
             let next = target.max(limit(reducer));
             is_going_on = parts::reduce(reducer, next);
         }
-        self.look_at_all(reducer, reducer.surface.points.len());
+        let share = if take(&mut self.needs_all) { 1.0 } else { Order::of(reducer).kept };
+        self.look_at_all(reducer, reducer.surface.points.len(), share);
         self.pieces = reducer.pieces().into_iter().peekable();
         let limit = limit(reducer);
         self.serves_to = Some(limit);
         limit
     }
 
-    /// Looks at everything. Points from `inner` on stay as they are.
-    fn look_at_all(&mut self, reducer: &mut Reducer, inner: usize) {
+    /// Looks at everything, and keeps the cheapest `share` of it. Points from `inner` on stay as they are.
+    fn look_at_all(&mut self, reducer: &mut Reducer, inner: usize, share: f64) {
         reducer.refresh();
         reducer.rank(&mut self.costs);
         let trust = Order::of(reducer).trust;
@@ -133,7 +144,7 @@ impl Workspace {
             let edges = reducer.edges.iter().zip(&mut self.costs);
             edges.filter(|(edge, _)| !is_inner(edge)).for_each(|(_, cost)| *cost = UNRANKED);
         }
-        self.queue.fill(&reducer.edges, &self.costs);
+        self.queue.fill(&reducer.edges, &self.costs, share);
         // All that is needed of them is in the queue: on large meshes this is the most memory that is ever held.
         (reducer.edges, self.costs) = Default::default();
         self.marks.clear();
@@ -146,18 +157,16 @@ impl Workspace {
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize, end: usize) -> bool {
         let reorder = Order::of(reducer).reorder;
         while reducer.surface.face_count() > limit {
-            let Some((entry, cost)) = self.queue.pop(end) else { return false };
+            let joined = |p: u32| self.marks[p as usize] & !STALE;
+            let is_current = |entry: Entry| entry.time & !PAID >= joined(entry.a).max(joined(entry.b));
+            let Some((entry, cost)) = self.queue.pop(end, is_current) else { return false };
             let left = reducer.surface.face_count() - target;
             if let Some(piece) = self.pieces.next_if(|p| p.cost <= f64::from(cost)) {
                 prune::remove(&mut reducer.surface, &piece, left);
                 self.queue.push(cost, entry);
                 continue;
             }
-            let (a, b) = (entry.a, entry.b);
-            let time = entry.time & !PAID;
-            if [a, b].iter().any(|&p| time < self.marks[p as usize] & !STALE) {
-                continue;
-            }
+            let (a, b, time) = (entry.a, entry.b, entry.time & !PAID);
             for p in [a, b] {
                 let mark = &mut self.marks[p as usize];
                 if *mark & STALE != 0 {
@@ -193,7 +202,7 @@ impl Workspace {
         for (&other, &cost) in self.around.iter().zip(&self.costs) {
             let mark = &mut self.marks[other as usize];
             *mark |= STALE;
-            if cost < UNRANKED && *mark != GONE | STALE {
+            if *mark != GONE | STALE {
                 self.queue.push(cost * trust, Entry { a: kept.min(other), b: kept.max(other), time: self.time });
             }
         }

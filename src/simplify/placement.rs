@@ -213,13 +213,14 @@ impl Subject<'_> {
         let joint: [f32; 6] = std::array::from_fn(|i| of_a[i] + of_b[i]);
         let trace = joint[0] + joint[3] + joint[5];
         let right = multiply(&of_b, edge);
-        let factors = Factors::of(&joint, trace * STIFFNESS);
+        let pull = trace * STIFFNESS;
+        let factors = Factors::of(&joint, pull);
         let middle = edge * 0.5;
-        let mut free = middle;
-        // Each step starts from the last one's result: powers of the pull's bias vanish wherever the surface decides.
-        for _ in 0..3 {
-            free += factors.solve(right - multiply(&joint, free));
-        }
+        // Each step starts from the last one's result: powers of the pull's bias vanish wherever the surface decides. What a step leaves is the pull's
+        // share of it.
+        let first = factors.solve(right - multiply(&joint, middle));
+        let second = factors.solve(first * pull);
+        let free = middle + first + second + factors.solve(second * pull);
         let normal = a.normal() + b.normal() - shared;
         let direction = factors.solve(normal);
         let constrained = free + direction * ((b.normal().dot(edge) - normal.dot(free)) / normal.dot(direction));

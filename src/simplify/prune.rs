@@ -4,6 +4,7 @@ use super::cost::Cost;
 use crate::curvature::normal_and_area;
 use crate::mesh::surface::Surface;
 use glam::DVec3;
+use std::mem::replace;
 
 /// A rope is seen for its length: no piece counts less area than this share of its squared diagonal.
 const SEEN_SHARE: f64 = 0.1;
@@ -22,10 +23,23 @@ pub(crate) struct Piece {
 
 /// Whether there is more than one connected piece.
 pub(crate) fn are_there_pieces(surface: &Surface) -> bool {
-    let mut parent = join_faces(surface);
-    let mut roots = surface.live_faces().map(|f| find(&mut parent, surface.face(f)[0]));
-    let first = roots.next();
-    roots.any(|root| Some(root) != first)
+    let points = surface.points.len() as u32;
+    let Some(first) = (0..points).find(|&p| !surface.ring(p).is_empty()) else { return false };
+    let mut is_reached = vec![false; points as usize];
+    is_reached[first as usize] = true;
+    // All that are met are written down, and those that were reached before written over: which ones cannot be foretold.
+    let mut reached = vec![first; points as usize + 1];
+    let (mut next, mut count) = (0, 1);
+    while next < count {
+        for &corner in surface.ring(reached[next]) {
+            // From each point of a face to the one after it: that way all are met.
+            let [point, _] = surface.opposite(corner);
+            reached[count] = point;
+            count += usize::from(!replace(&mut is_reached[point as usize], true));
+        }
+        next += 1;
+    }
+    (first..points).any(|p| !is_reached[p as usize] && !surface.ring(p).is_empty())
 }
 
 /// The connected pieces, cheapest first, without the dearest: that one stays.

@@ -3,7 +3,7 @@
 mod parts;
 
 use super::Refusals;
-use super::constraints::Constraints;
+use super::constraints::{Constraints, Locked};
 use super::cost::{AtEnds, Candidate, Cost, UNRANKED, pinned};
 use super::enhanced::Enhanced;
 use super::fan::Fan;
@@ -22,7 +22,6 @@ use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::progressive::Log;
 use crate::tasks;
-use std::mem::take;
 
 /// A surface on its way from fine to coarse.
 pub(crate) struct Reducer {
@@ -36,7 +35,7 @@ pub(crate) struct Reducer {
     /// Whether whole pieces may go: there are several.
     has_pieces: bool,
     constraints: Constraints,
-    locked: Vec<bool>,
+    locked: Locked,
     /// Points on open borders.
     border: Vec<bool>,
     irregular: Irregular,
@@ -55,8 +54,7 @@ pub(crate) struct Reducer {
 impl Reducer {
     /// Starts from a valid mesh.
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
-        let surface = Surface::new(mesh);
-        let irregular = Irregular::find(&surface);
+        let (surface, irregular) = Surface::with_irregular(mesh);
         let mut edges = Vec::new();
         recollect_edges(&surface, &irregular, &mut edges);
         let constraints = Constraints::new(options);
@@ -98,14 +96,14 @@ impl Reducer {
     }
 
     /// Points that may not move.
-    pub fn locked(&self) -> &[bool] {
+    pub fn locked(&self) -> &Locked {
         &self.locked
     }
 
     /// Goes on from another surface, made from this one by moving, adding and joining points.
     pub fn adopt(&mut self, surface: Surface) {
         let points = surface.points.len();
-        self.locked.resize(points, false);
+        self.locked.grow(points);
         self.border.resize(points, false);
         self.irregular.grow(points);
         self.cost.grow(&surface);
@@ -174,13 +172,17 @@ impl Reducer {
         if self.irregular.is_either(hub, hub) {
             self.merge.around(around);
         } else {
-            around.clone_from(&self.merge.firsts);
+            around.clear();
+            around.extend(self.merge.firsts());
         }
         costs.clear();
         costs.resize(around.len(), UNRANKED);
         self.cost.rank_hub(&self.surface, hub, around, costs);
+        if self.locked.are_none() {
+            return;
+        }
         for (&p, cost) in around.iter().zip(costs) {
-            if self.locked[hub as usize] || self.locked[p as usize] {
+            if self.locked.has(hub) || self.locked.has(p) {
                 let edge = Edge { a: hub.min(p), b: hub.max(p), kind: EdgeKind::default() };
                 *cost = self.cost.rank_exactly(&self.surface, &edge, &self.locked);
             }
@@ -194,7 +196,10 @@ impl Reducer {
 
     /// Counts the edges that may not collapse because both ends are locked.
     pub fn count_locked(&mut self) {
-        let locked = |e: &&Edge| self.locked[e.a as usize] && self.locked[e.b as usize];
+        if self.locked.are_none() {
+            return;
+        }
+        let locked = |e: &&Edge| self.locked.has(e.a) && self.locked.has(e.b);
         self.refusals.border += self.edges.iter().filter(locked).count() as u64;
     }
 
@@ -206,29 +211,23 @@ impl Reducer {
 
     /// Collapses the edge looked at unless a guard refuses.
     pub fn collapse_looked_at(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
-        let mut merge = take(&mut self.merge);
-        let outcome = if self.to_ends {
-            self.collapse_to_end(&mut merge, candidate, terms)
-        } else {
-            self.carry_out(&mut merge, candidate, terms)
-        };
-        self.merge = merge;
-        outcome
+        if self.to_ends { self.collapse_to_end(candidate, terms) } else { self.carry_out(candidate, terms) }
     }
 
     /// Tries the end that costs less, then the other one, if that may go now.
-    fn collapse_to_end(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
-        let cheaper = self.carry_out_at_end(merge, candidate, terms);
+    fn collapse_to_end(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
+        let (a, b) = (self.merge.kept, self.merge.gone);
+        let cheaper = self.carry_out_at_end(candidate, terms);
         let fined = match cheaper {
             Outcome::Done(_) => return cheaper,
             Outcome::Fined(cost) => cost,
             _ => f64::INFINITY,
         };
-        let ends = [merge.kept, merge.gone].map(|p| self.surface.points[p as usize]);
+        let ends = [a, b].map(|p| self.surface.points[p as usize]);
         let other = if candidate.position == ends[0] { ends[1] } else { ends[0] };
-        let free = !self.locked[merge.kept as usize] && !self.locked[merge.gone as usize];
-        match self.cost.judge(&self.surface, merge.kept, merge.gone, Some(other)).filter(|_| free) {
-            Some(other) if other.cost <= terms.limit => match self.carry_out_at_end(merge, other, terms) {
+        let free = !self.locked.has(a) && !self.locked.has(b);
+        match self.cost.judge(&self.surface, a, b, Some(other)).filter(|_| free) {
+            Some(other) if other.cost <= terms.limit => match self.carry_out_at_end(other, terms) {
                 Outcome::Fined(cost) => Outcome::Fined(cost.min(fined)),
                 Outcome::Refused => cheaper,
                 done => done,
@@ -239,29 +238,30 @@ impl Reducer {
     }
 
     /// Carries out a collapse to an end, whose wedges stay.
-    fn carry_out_at_end(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
-        merge.look(&self.surface, merge.kept, merge.gone);
-        if candidate.position == self.surface.points[merge.gone as usize] {
-            merge.turn();
+    fn carry_out_at_end(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
+        let (a, b) = (self.merge.kept, self.merge.gone);
+        self.merge.look(&self.surface, a, b);
+        if candidate.position == self.surface.points[b as usize] {
+            self.merge.turn();
         }
-        self.carry_out(merge, candidate, terms)
+        self.carry_out(candidate, terms)
     }
 
-    fn carry_out(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Outcome {
-        let (a, b) = (merge.kept, merge.gone);
-        if merge.faces.is_empty() || merge.faces.len() > terms.most {
+    fn carry_out(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
+        let (a, b, faces) = (self.merge.kept, self.merge.gone, self.merge.across.len());
+        if faces == 0 || faces > terms.most {
             return Outcome::Refused;
         }
         let (start, end) = (self.surface.points[a as usize], self.surface.points[b as usize]);
         let along = end - start;
         let solves = !self.to_ends && !self.surface.wedges.is_plain();
-        let checked = self.check(merge, candidate, terms).and_then(|()| {
+        let checked = self.check(candidate, terms).and_then(|()| {
             if solves {
                 let t = (candidate.position - start).dot(along) / along.length_squared();
                 let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
-                self.solution.solve(&self.surface, self.cost.metric(), merge, candidate.position, t);
+                self.solution.solve(&self.surface, self.cost.metric(), &self.merge, candidate.position, t);
             }
-            if self.solution.turns_charts(&self.surface, merge) { Err(Cause::Chart) } else { Ok(()) }
+            if self.solution.turns_charts(&self.surface, &self.merge) { Err(Cause::Chart) } else { Ok(()) }
         });
         if let Err(cause) = checked {
             self.refusals.count(cause);
@@ -269,30 +269,31 @@ impl Reducer {
                 .fined(&*self.cost, candidate, along.length_squared(), self.needles, self.cost.bend(a, b))
                 .map_or(Outcome::Refused, Outcome::Fined);
         }
-        let entry = self.log.as_ref().map(|log| log.begin(&self.surface, merge));
-        merge.apply(&mut self.surface, candidate.position);
+        let entry = self.log.as_ref().map(|log| log.begin(&self.surface, &self.merge));
+        self.merge.apply(&mut self.surface, candidate.position);
         if solves {
             self.solution.write(&mut self.surface.wedges);
         }
         if let (Some(log), Some(entry)) = (&mut self.log, entry) {
             log.finish(entry, &self.surface);
         }
-        self.locked[a as usize] |= self.locked[b as usize];
+        self.locked.follow(a, b);
         if terms.paid || self.irregular.is_either(a, b) {
             self.border[a as usize] |= self.border[b as usize];
             self.irregular.follow(&self.surface, a, b, terms.paid);
         }
-        self.cost.follow_faces(merge, &self.fan);
+        self.cost.follow_faces(&self.merge, &self.fan);
         self.cost.merged(&self.surface, a, b);
         if terms.paid {
             self.cost.broke(&self.surface, a);
         }
-        Outcome::Done(merge.faces.len())
+        Outcome::Done(faces)
     }
 
-    fn check(&mut self, merge: &mut Merge, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+    fn check(&mut self, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+        let merge = &mut self.merge;
         check_remains(merge, terms.paid)?;
-        if self.whole_cards && merge.spokes.len() == merge.faces.len() {
+        if self.whole_cards && merge.spokes().len() == merge.across.len() {
             return Err(Cause::Vanish);
         }
         let worst = self.fan.look(&self.surface, merge, candidate.position)?;

@@ -3,7 +3,7 @@
 //! All parts go up to the same cost, in rounds, so that what is gone then is what would be gone of the whole surface. Only edges at the rims of parts
 //! have to wait until the parts are together again; then they go first, being the cheapest.
 
-use super::Workspace;
+use super::{Order, Workspace};
 use crate::mesh::regions::Region;
 use crate::simplify::buckets::{BUCKETS, least_of};
 use crate::simplify::prune::Piece;
@@ -11,9 +11,9 @@ use crate::simplify::reducer::Reducer;
 use rayon::prelude::*;
 
 /// Faces from which on taking a surface apart is worth it.
-const LEAST: usize = 64 * 1024;
+const LEAST: usize = 96 * 1024;
 /// Most faces of a part.
-const MOST: usize = 48 * 1024;
+const MOST: usize = 24 * 1024;
 /// Share of the faces that have to go at least.
 const LEAST_SHARE: f64 = 0.1;
 /// How far from their goal the parts end, as a share of the way: the rest is the whole surface's.
@@ -81,7 +81,7 @@ struct Part {
 impl Part {
     fn new((region, mut reducer): (Region, Reducer)) -> Self {
         let mut workspace = Workspace::default();
-        workspace.look_at_all(&mut reducer, region.inner);
+        workspace.look_at_all(&mut reducer, region.inner, 1.0);
         Self { region, reducer, workspace }
     }
 
@@ -129,6 +129,13 @@ impl Start {
 /// Reduces parts by as many faces together as is `to_do` up to a bucket, up to the same cost in all of them.
 fn reduce_parts(parts: &mut [Part], to_do: impl Fn(usize) -> f64) {
     let whole = Start::of(parts.iter());
+    if let Some(Order { kept, .. }) =
+        parts.first().map(|part| Order::of(&part.reducer)).filter(|order| order.kept < 1.0)
+    {
+        let most = kept * whole.below[BUCKETS] as f64;
+        let dear = whole.below.partition_point(|below| (*below as f64) < most);
+        parts.iter_mut().for_each(|part| part.workspace.queue.leave_out(dear));
+    }
     let step = (parts.len() / SAMPLES).min(SAMPLE);
     let mut end = 0;
     if step > 1 {

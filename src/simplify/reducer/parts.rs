@@ -35,7 +35,7 @@ impl Reducer {
             edges: Vec::new(),
             has_pieces: false,
             constraints: self.constraints,
-            locked: pick(&self.locked),
+            locked: self.locked.pick(points),
             border: pick(&self.border),
             irregular: self.irregular.pick(points),
             solution: Default::default(),
@@ -51,11 +51,11 @@ impl Reducer {
     /// Puts the surface together again.
     pub fn join(&mut self, parts: Vec<(Region, Self)>) {
         for (region, part) in parts {
-            self.surface.append(&part.surface, &region, self.locked.len());
+            self.surface.append(&part.surface, &region, self.border.len());
             for (p, &point) in region.points.iter().enumerate() {
-                self.locked[point as usize] |= part.locked[p];
                 self.border[point as usize] |= part.border[p];
             }
+            self.locked.merge(&part.locked, &region.points);
             self.irregular.merge(&part.irregular, &region.points);
             self.refusals.add(part.refusals);
             self.cost.join(part.cost, &region.points);

@@ -8,6 +8,7 @@
 
 use super::level::Level;
 use super::source::{Source, closest_point};
+use crate::attributes::turns_over;
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::wedges::{Column, Wedges};
@@ -187,7 +188,7 @@ fn keep_charts(surface: &Surface, p: u32, row: &mut [f32]) {
             let [b, c] = surface.opposite_wedges(corner).map(|w| at(wedges.row(w)));
             let (old, new) = (at(wedges.row(surface.wedge_at(corner))), at(row));
             let (before, after) = ((b - old).perp_dot(c - old), (b - new).perp_dot(c - new));
-            before * after < 0.0 || after.abs() > MOST_GROWTH * before.abs()
+            turns_over([b, c], old, new) || after.abs() > MOST_GROWTH * before.abs()
         };
         if let Some(&corner) = surface.ring(p).first()
             && surface.ring(p).iter().any(turns)

@@ -32,6 +32,7 @@ mod remove;
 mod source;
 mod step;
 
+use super::constraints::Locked;
 use super::options::Effort;
 use crate::mesh::edges::collect_edges;
 use crate::mesh::surface::Surface;
@@ -126,7 +127,7 @@ impl Refiner {
 
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
     /// whether the surface is nearer to the source than it was, by the mean and the largest distance, both ways, of what was looked at, and of samples that no move knows.
-    pub fn refine(&mut self, surface: &mut Surface, locked: &[bool]) -> bool {
+    pub fn refine(&mut self, surface: &mut Surface, locked: &Locked) -> bool {
         let mut fixed = find_fixed(surface, locked);
         let judged = self.judge(surface);
         let anchors = self.anchors.clone();
@@ -188,9 +189,8 @@ fn sweep(level: &mut Level, fixed: &[bool]) {
 }
 
 /// Points that may not move: locked ones, and those at edges that are not plain.
-fn find_fixed(surface: &Surface, locked: &[bool]) -> Vec<bool> {
-    let mut fixed = locked.to_vec();
-    fixed.resize(surface.points.len(), false);
+fn find_fixed(surface: &Surface, locked: &Locked) -> Vec<bool> {
+    let mut fixed: Vec<bool> = (0..surface.points.len() as u32).map(|p| locked.has(p)).collect();
     for edge in collect_edges(surface).iter().filter(|e| !e.kind.is_plain()) {
         fixed[edge.a as usize] = true;
         fixed[edge.b as usize] = true;

@@ -47,7 +47,7 @@ pub(super) fn find_removal(level: &mut Level, edge: [u32; 2]) -> Option<Removal>
     let [a, b] = edge;
     let merge = Merge::new(level.surface, a, b);
     // The point keeps the values that it has, until all are fitted.
-    if !merge.keeps_regular() || !is_closed(&merge.rims) || Solution::default().turns_charts(level.surface, &merge) {
+    if !merge.keeps_regular() || !is_closed(merge.rims()) || Solution::default().turns_charts(level.surface, &merge) {
         return None;
     }
     let (faces, old) = faces_of(level, &merge);
@@ -74,18 +74,18 @@ pub(super) fn find_removal(level: &mut Level, edge: [u32; 2]) -> Option<Removal>
 
 /// The faces that a collapse changes: those that stay come first.
 fn faces_of(level: &Level, merge: &Merge) -> (Vec<usize>, Vec<[Vec3; 3]>) {
-    let stay = merge.spokes.iter().map(|&corner| Surface::face_of(corner));
-    let faces: Vec<usize> = stay.chain(merge.faces.iter().copied()).collect();
+    let stay = merge.spokes().iter().map(|&corner| Surface::face_of(corner));
+    let faces: Vec<usize> = stay.chain(merge.faces()).collect();
     let triangles = faces.iter().map(|&f| level.triangle(f)).collect();
     (faces, triangles)
 }
 
 fn points_of(merge: &Merge) -> Vec<u32> {
-    [merge.kept, merge.gone].into_iter().chain(merge.rims.iter().flatten().copied()).collect()
+    [merge.kept, merge.gone].into_iter().chain(merge.rims().iter().flatten().copied()).collect()
 }
 
 fn fan(level: &Level, merge: &Merge, x: Vec3) -> Vec<[Vec3; 3]> {
-    merge.rims.iter().map(|&[p, q]| [x, level.point(p), level.point(q)]).collect()
+    merge.rims().iter().map(|&[p, q]| [x, level.point(p), level.point(q)]).collect()
 }
 
 /// Whether the rims make one ring.
