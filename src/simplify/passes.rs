@@ -24,17 +24,21 @@ struct Order {
     trust: f32,
     /// A collapse that turns out to cost this factor more than its edge was ranked at has to wait for its turn.
     reorder: f32,
+    /// What is known of the attributes of a point stays as it is when a neighbour moves.
+    attributes_lag: bool,
 }
 
 impl Order {
     fn of(reducer: &Reducer) -> Self {
-        match (reducer.goes_to_ends(), reducer.effort()) {
+        let (trust, reorder, attributes_lag) = match (reducer.goes_to_ends(), reducer.effort()) {
             // Which points stay is all there is to choose.
-            (true, _) => Self { trust: 1.0, reorder: 1.3 },
-            (_, Effort::Fast) => Self { trust: 1.0, reorder: 2.0 },
-            (_, Effort::Default) => Self { trust: 0.6, reorder: 1.1 },
-            (_, Effort::Best) => Self { trust: 0.4, reorder: 1.02 },
-        }
+            (true, _) => (1.0, 1.3, false),
+            (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 2.0, false),
+            (_, Effort::Fast) => (1.0, 1.25, true),
+            (_, Effort::Default) => (0.6, 1.1, false),
+            (_, Effort::Best) => (0.4, 1.02, false),
+        };
+        Self { trust, reorder, attributes_lag }
     }
 }
 
@@ -144,7 +148,7 @@ impl Workspace {
 
     /// Collapses down to `limit` faces, `target` at the end of all, by the buckets below `end`; gives whether there are so few now.
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize, end: usize) -> bool {
-        let reorder = Order::of(reducer).reorder;
+        let Order { reorder, attributes_lag, .. } = Order::of(reducer);
         while reducer.surface.face_count() > limit {
             let Some((entry, cost)) = self.queue.pop(end) else { return false };
             let left = reducer.surface.face_count() - target;
@@ -162,7 +166,11 @@ impl Workspace {
                 let mark = &mut self.marks[p as usize];
                 if *mark & STALE != 0 {
                     *mark &= !STALE;
-                    reducer.cost.update(&reducer.surface, p);
+                    if attributes_lag {
+                        reducer.cost.update_shape(&reducer.surface, p);
+                    } else {
+                        reducer.cost.update(&reducer.surface, p);
+                    }
                 }
             }
             let Some(candidate) = reducer.look_and_judge(a, b) else { continue };
