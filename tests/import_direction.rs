@@ -13,7 +13,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("tasks", &[]),
     ("curvature", &["lanes", "mesh", "tasks"]),
     // Attributes and simplifier are one level: the weights of attributes are options of the simplifier.
-    ("attributes", &["mesh", "simplify"]),
+    ("attributes", &["curvature", "lanes", "mesh", "simplify"]),
     ("random", &[]),
     ("predictor", &["curvature", "mesh", "random"]),
     ("shapes", &["mesh", "random"]),

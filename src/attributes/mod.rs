@@ -14,11 +14,14 @@
 //! Limits: morph displacements of normals and the like count nothing in the cost.
 
 mod metric;
+mod slope;
 mod solution;
 
 pub(crate) use metric::Metric;
+pub(crate) use slope::Facet;
 pub(crate) use solution::{Solution, fill_midpoint};
 
+use crate::curvature::normal_and_area;
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use glam::{Vec2, Vec3};
@@ -31,13 +34,21 @@ pub(crate) fn add_product(m: &mut [f32], a: Vec3, b: Vec3) {
     m.iter_mut().zip(products).for_each(|(m, p)| *m += p);
 }
 
+/// Unit normal and area of a face.
+pub(crate) fn facet(surface: &Surface, face: usize) -> Facet {
+    let (normal, area) = normal_and_area(surface.triangle(face));
+    (normal.as_vec3(), area as f32)
+}
+
 fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
     let mut wedges = SmallVec::new();
+    let mut last = None;
     for &corner in surface.ring(point) {
         let wedge = surface.wedge_at(corner);
-        if !wedges.contains(&wedge) {
+        if last != Some(wedge) && !wedges.contains(&wedge) {
             wedges.push(wedge);
         }
+        last = Some(wedge);
     }
     wedges
 }

@@ -1,13 +1,16 @@
 //! The new values of the wedges of a joined point.
 
-use super::metric::{Extended, Metric, Row};
-use super::{is_displacement, turns_over};
+use super::metric::{Extended, Metric};
+use super::{distinct_wedges, is_displacement, turns_over};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::Merge;
 use crate::mesh::wedges::Wedges;
 use glam::{DVec3, Vec2, Vec3};
 use smallvec::SmallVec;
+
+/// Rows of attribute values in work; inline for the usual normal + tangent + UV.
+type Row = SmallVec<[f32; 16]>;
 
 /// The new values of the wedges of a joined point.
 #[derive(Debug, Default)]
@@ -31,7 +34,7 @@ impl Solution {
     /// To be called before the surface changes; `metric` must know both points as they are.
     pub fn solve(&mut self, surface: &Surface, metric: &Metric, merge: &Merge, position: DVec3, t: f32) {
         self.classes.clear();
-        let [at_kept, at_gone] = [merge.kept, merge.gone].map(|p| metric.wedges(surface, p));
+        let [at_kept, at_gone] = [merge.kept, merge.gone].map(|p| distinct_wedges(surface, p));
         let [off_kept, off_gone] = [merge.kept, merge.gone].map(|p| (position - surface.points[p as usize]).as_vec3());
         let (Some(&any_kept), Some(&any_gone)) = (at_kept.first(), at_gone.first()) else { return };
         for &wedge in &at_kept {
@@ -121,9 +124,7 @@ impl Class {
             };
             row[taken.clone()].copy_from_slice(&nearer[taken]);
         }
-        for (term, value) in metric.terms.iter().zip(&extended.values) {
-            row[term.index] = wedges.within_range(term.index, *value);
-        }
+        metric.write(extended, wedges, &mut row);
         normalize_normals(wedges, &mut row);
         Self { wedge: id, area: extended.area, row, influences: Vec::new() }
     }

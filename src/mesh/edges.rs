@@ -1,7 +1,6 @@
 //! The edges of a surface and what runs along them: open borders, seams, material borders, folds.
 
 use super::surface::{Corner, Surface};
-use super::surgery::holds;
 use crate::tasks;
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -173,7 +172,7 @@ pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &
     for a in irregular.points() {
         let ring = surface.ring(a);
         fan.fill(surface, ring);
-        fan.gather(surface, a, ring, edges, |b| irregular.0[b as usize]);
+        fan.gather(surface, a, ring, edges, |b| b > a && irregular.0[b as usize]);
     }
 }
 
@@ -206,10 +205,10 @@ impl Fan {
         self.links.extend(ring.iter().map(|&corner| surface.opposite(corner)));
     }
 
-    /// Appends the edges from `a` to points of higher index that are `wanted`, whatever they are like.
+    /// Appends the edges from `a` to the points that are `wanted`, whatever they are like.
     fn gather(&self, surface: &Surface, a: u32, ring: &[Corner], edges: &mut Vec<Edge>, wanted: impl Fn(u32) -> bool) {
         let links = || self.links.iter().flatten().copied();
-        for (i, b) in links().enumerate().filter(|(_, b)| *b > a && wanted(*b)) {
+        for (i, b) in links().enumerate().filter(|(_, b)| wanted(*b)) {
             if links().take(i).all(|other| other != b) {
                 edges.push(Edge::between(surface, a, b, &self.sides(ring, b)));
             }
@@ -234,24 +233,85 @@ pub(crate) fn find_edge(surface: &Surface, a: u32, b: u32) -> Option<Edge> {
 /// The edges at `point` that are not plain.
 pub(crate) fn special_edges(surface: &Surface, point: u32) -> SmallVec<[Edge; 4]> {
     let ring = surface.ring(point);
-    let mut fan = Fan::default();
-    fan.fill(surface, ring);
-    let mut found: SmallVec<[Edge; 4]> = SmallVec::new();
-    for (i, &link) in fan.links.iter().enumerate() {
-        for (side, p) in link.into_iter().enumerate() {
-            // Met for the first time, as the point after this corner or before it.
-            let known = &fan.links.as_flattened()[..2 * i + side];
-            if !holds(known, p) {
-                let count = |side: usize| fan.links.iter().filter(|link| link[side] == p).count();
-                let is_fold = || fan.links.contains(&[link[1], link[0]]);
-                if surface.has_seams() || count(0) != 1 || count(1) != 1 || is_fold() {
-                    found.push(Edge::between(surface, point, p, &fan.sides(ring, p)));
+    let mut found = SmallVec::new();
+    match ring.len() {
+        0..=8 => Links::<8>::new(surface, ring).find_special(surface, point, ring, &mut found),
+        9..=32 => Links::<32>::new(surface, ring).find_special(surface, point, ring, &mut found),
+        _ => {
+            let mut fan = Fan::default();
+            fan.fill(surface, ring);
+            let mut edges = Vec::new();
+            fan.gather(surface, point, ring, &mut edges, |_| true);
+            found.extend(edges.into_iter().filter(|edge| !edge.kind.is_plain()));
+        }
+    }
+    found
+}
+
+/// The points after and before the corners of a ring, `N` at most.
+struct Links<const N: usize> {
+    after: [u32; N],
+    before: [u32; N],
+}
+
+impl<const N: usize> Links<N> {
+    #[inline]
+    fn new(surface: &Surface, ring: &[Corner]) -> Self {
+        // Filled up with names that no point has.
+        let mut links = Self { after: [u32::MAX; N], before: [u32::MAX - 1; N] };
+        for ((&corner, after), before) in ring.iter().zip(&mut links.after).zip(&mut links.before) {
+            [*after, *before] = surface.opposite(corner);
+        }
+        links
+    }
+
+    /// Appends the edges from `point`, whose ring this is, that are not plain.
+    fn find_special(&self, surface: &Surface, point: u32, ring: &[Corner], found: &mut SmallVec<[Edge; 4]>) {
+        let count = |points: &[u32; N], p: u32| points.iter().map(|&q| u32::from(q == p)).sum::<u32>();
+        let mut partners = 0;
+        for (i, (&corner, &p)) in ring.iter().zip(&self.after).enumerate() {
+            let (own, others) = (count(&self.after, p), count(&self.before, p));
+            let edge = if own == 1 && others == 1 {
+                partners += 1;
+                let partner = self.before.iter().zip(0..).map(|(&q, j)| if q == p { j } else { 0 }).sum::<usize>();
+                let is_fold = self.after[partner] == self.before[i];
+                if !is_fold && !parts_wedges(surface, corner, ring[partner]) {
+                    continue;
                 }
+                Edge::between(surface, point, p, &[(corner, true), (ring[partner], false)])
+            } else if self.after[..i].contains(&p) {
+                continue;
+            } else {
+                self.look_at(surface, point, p, ring)
+            };
+            if !edge.kind.is_plain() {
+                found.push(edge);
+            }
+        }
+        if partners == ring.len() {
+            return;
+        }
+        for (i, &p) in self.before.iter().enumerate().take(ring.len()) {
+            if !self.after.contains(&p) && !self.before[..i].contains(&p) {
+                found.push(self.look_at(surface, point, p, ring));
             }
         }
     }
-    found.retain(|edge| !edge.kind.is_plain());
-    found
+
+    /// The edge to `p`.
+    #[cold]
+    fn look_at(&self, surface: &Surface, point: u32, p: u32, ring: &[Corner]) -> Edge {
+        let corners = ring.iter().zip(self.after.iter().zip(&self.before));
+        let on_edge = corners.filter(|&(_, (&after, &before))| after == p || before == p);
+        let sides: SmallVec<[Side; 4]> = on_edge.map(|(&corner, (&after, _))| (corner, after == p)).collect();
+        Edge::between(surface, point, p, &sides)
+    }
+}
+
+/// Whether two faces have different wedges along the edge from the first one's `corner` to the next; `partner`: the same point's in the second one.
+fn parts_wedges(surface: &Surface, corner: Corner, partner: Corner) -> bool {
+    let ends = |corner: Corner, side: usize| (surface.wedge_at(corner), surface.opposite_wedges(corner)[side]);
+    surface.has_seams() && ends(corner, 0) != ends(partner, 1)
 }
 
 /// The properties of the edge between `a` and `b`; `None` if no face has both.

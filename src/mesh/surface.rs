@@ -199,7 +199,8 @@ impl Surface {
         let points: Vec<DVec3> = welded.point_vertex.iter().map(|&v| frame.enter(mesh.positions[v as usize])).collect();
         // Both are numbered by their first vertices.
         let is_single = welded.wedge_vertex.len() == welded.point_vertex.len();
-        let (mut faces, mut corners) = (Vec::with_capacity(mesh.triangles.len()), Vec::new());
+        let mut faces = Vec::with_capacity(mesh.triangles.len());
+        let mut corners = Vec::with_capacity(if is_single { 0 } else { mesh.triangles.len() });
         for triangle in &mesh.triangles {
             let face = triangle.map(|v| welded.point_of[v as usize]);
             if face[0] != face[1] && face[1] != face[2] && face[2] != face[0] {

@@ -4,6 +4,9 @@ use super::surface::{Corner, Surface};
 use glam::DVec3;
 use smallvec::SmallVec;
 
+/// Pairs of wedges, one at either end of an edge.
+pub(crate) type Pairs = SmallVec<[(u32, u32); 4]>;
+
 /// What collapsing an edge would do: which faces go, which stay around the joined point, which wedges become one.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Merge {
@@ -14,7 +17,7 @@ pub(crate) struct Merge {
     /// The points across the edge, the third ones of the faces that have both, and their corners there.
     pub across: SmallVec<[(u32, Corner); 4]>,
     /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay, unless the merge is turned.
-    pub pairs: SmallVec<[(u32, u32); 4]>,
+    pub pairs: Pairs,
     /// See [`Self::spokes`] and [`Self::rims`]; only the first `count` mean anything.
     spokes: Vec<Corner>,
     rims: Vec<[u32; 2]>,
@@ -197,8 +200,8 @@ impl Merge {
 }
 
 /// Pairs (wedge at `a`, wedge at `b`) that the faces of an edge join, each once.
-pub(crate) fn pair_wedges(surface: &Surface, a: u32, b: u32) -> SmallVec<[(u32, u32); 4]> {
-    let mut pairs = SmallVec::new();
+pub(crate) fn pair_wedges(surface: &Surface, a: u32, b: u32) -> Pairs {
+    let mut pairs = Pairs::new();
     for &corner in surface.ring(a) {
         let points = surface.opposite(corner);
         if points.contains(&b) {

@@ -5,9 +5,10 @@
 use super::constraints::{Constraints, upright_planes};
 use super::options::Options;
 use super::quadric::Quadric;
-use crate::attributes::Metric;
+use crate::attributes::{Metric, facet};
 use crate::mesh::edges::Edge;
 use crate::mesh::surface::Surface;
+use crate::mesh::surgery::pair_wedges;
 use glam::DVec3;
 
 /// Cost of an edge's length², where nothing else costs anything: shortest first beats index order.
@@ -43,12 +44,12 @@ impl Appearance {
 
     /// Brings what is known of attributes up to date with the whole surface.
     pub fn refresh(&mut self, surface: &Surface) {
-        self.metric.refresh(surface);
+        self.metric.refresh(surface, |face| facet(surface, face));
     }
 
     /// The same with the faces around one point.
     pub fn update(&mut self, surface: &Surface, point: u32) {
-        self.metric.update(surface, point);
+        self.metric.update(surface, point, |face| facet(surface, face));
     }
 
     /// What attributes count.
@@ -86,7 +87,7 @@ impl Appearance {
         let mut cost = self.outline_at(a, b, x) + LENGTH_COST * square;
         if !self.metric.is_empty() && square > 0.0 {
             // The metric sums over areas; the papers' costs do not.
-            cost += self.metric.deviation(surface, a, b, x) / square;
+            cost += self.metric.deviation(surface, [a, b], &pair_wedges(surface, a, b), x) / square;
         }
         cost
     }

@@ -87,6 +87,11 @@ pub(crate) trait Cost: Any + Send + Sync {
     /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);
 
+    /// The same, but what is known of attributes may stay as it was.
+    fn update_shape(&mut self, surface: &Surface, point: u32) {
+        self.update(surface, point);
+    }
+
     /// After [`Self::update`] of a joined point and all around it: brings what depends on several of them up to date.
     fn settle(&mut self, _surface: &Surface, _point: u32) {}
 

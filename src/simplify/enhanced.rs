@@ -11,15 +11,16 @@ use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
 use super::fan::Fan;
 use super::options::{AttributeWeights, Options, Placement};
-use super::placement::{Apex, Facet, LANES, Lanes, Subject, emphasis, estimate};
+use super::placement::{Apex, Estimate, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
-use crate::mesh::edges::{Edge, special_edges};
+use crate::mesh::edges::{Edge, EdgeKind, special_edges};
 use crate::mesh::regions::Region;
 use crate::mesh::surface::Surface;
-use crate::mesh::surgery::Merge;
+use crate::mesh::surgery::{Merge, Pairs, pair_wedges};
 use crate::tasks;
 use glam::{DVec3, Vec3};
+use smallvec::SmallVec;
 use std::any::Any;
 use std::mem::take;
 
@@ -66,11 +67,13 @@ impl Enhanced {
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
         let factor = subject.factor(self.options.curvature_weight);
+        let pairs = self.pairs(surface, [a, b]);
         // By the old faces alone, which is what it costs at least.
         let end = |stays: u32, goes: u32| {
             let mut error = subject.error_of_end(stays == b);
             if !self.metric.is_empty() {
-                error += self.metric.deviation_of_end(surface, stays, goes);
+                let turned = |&(of_a, of_b): &(u32, u32)| if stays == a { (of_a, of_b) } else { (of_b, of_a) };
+                error += self.metric.deviation_of_end(surface, [stays, goes], pairs.iter().map(turned));
             }
             let area = self.apexes[goes as usize].weight();
             (Sweep::default().cost(error, area) * factor, error, area, stays, goes)
@@ -94,15 +97,25 @@ impl Enhanced {
         }
     }
 
-    /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`.
+    /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`, by the square of its length.
     fn add_edge(&mut self, surface: &Surface, edge: &Edge, at: &[u32]) {
         let weight = self.constraints.weight(edge.kind);
         if weight == 0.0 {
             return;
         }
-        let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
-        let planes = upright_planes(surface, edge);
-        let each = weight * a.distance_squared(b) / planes.len().max(1) as f64;
+        let along = (surface.points[edge.b as usize] - surface.points[edge.a as usize]).as_vec3();
+        let mut planes: SmallVec<[Vec3; 2]> = SmallVec::new();
+        if edge.kind.has(EdgeKind::COMPLEX) {
+            planes.extend(upright_planes(surface, edge).iter().map(|normal| normal.as_vec3() * along.length()));
+        } else {
+            for &corner in surface.ring(edge.a) {
+                if surface.opposite(corner).contains(&edge.b) {
+                    planes.push(self.facets[Surface::face_of(corner)].normal().cross(along));
+                }
+            }
+            planes.retain(|normal| *normal != Vec3::ZERO);
+        }
+        let each = weight as f32 / planes.len().max(1) as f32;
         for &point in at {
             self.ridged[point as usize] = true;
             planes.iter().for_each(|&normal| self.apexes[point as usize].add_plane(normal, each));
@@ -113,12 +126,14 @@ impl Enhanced {
         let edge = surface.points[b as usize] - surface.points[a as usize];
         Subject { ends: [&self.apexes[a as usize], &self.apexes[b as usize]], edge, pin }
     }
-    /// Judges the edge between two points that share `faces`.
+
+    /// Judges the edge between two points that share `faces`, which join `pairs` of wedges.
     fn judge_between(
         &self,
         surface: &Surface,
         [a, b]: [u32; 2],
         faces: impl Iterator<Item = usize>,
+        pairs: &[(u32, u32)],
         fixed: Option<DVec3>,
     ) -> Option<Candidate> {
         let shared = faces.map(|face| self.facets[face].area_vector()).sum();
@@ -128,7 +143,7 @@ impl Enhanced {
         let position = fixed.unwrap_or(start + place.offset);
         let mut cost = place.error * subject.factor(self.options.curvature_weight);
         if !self.metric.is_empty() {
-            cost += self.cost_of_attributes(surface, [a, b], position);
+            cost += self.cost_of_attributes(surface, [a, b], pairs, position);
         }
         cost.is_finite().then_some(Candidate { cost, position })
     }
@@ -139,32 +154,52 @@ impl Enhanced {
         self.facets = Vec::new();
     }
 
-    /// Whether estimates are all that is needed.
-    fn are_complete(&self, estimates: &[f32]) -> bool {
-        self.metric.is_empty() && estimates.iter().fold(true, |all, cost| all & cost.is_finite())
+    /// About what four edges cost, given what is known of their ends.
+    #[inline]
+    fn estimate(&self, ends: [[u32; 2]; LANES], [a, b]: [&Lanes; 2]) -> [f32; LANES] {
+        let Estimate { error, factor, edge } = estimate(a, b, self.options.curvature_weight, self.at_ends);
+        if self.metric.is_empty() {
+            return (error * factor).to_array();
+        }
+        let of_attributes = self.metric.guess(ends, edge);
+        let costs = if self.metric.has_displacements() {
+            (error + of_attributes) * factor
+        } else {
+            error * factor + of_attributes
+        };
+        costs.to_array()
     }
 
-    /// Adds to an estimate what attributes cost, or judges anew what could not be estimated.
+    /// Whether attributes at ends are judged, not estimated.
+    fn judges_attributes(&self) -> bool {
+        self.at_ends && !self.metric.is_empty()
+    }
+
+    /// Whether estimates are all that is needed.
+    fn are_complete(&self, estimates: &[f32]) -> bool {
+        !self.judges_attributes() && estimates.iter().fold(true, |all, cost| all & cost.is_finite())
+    }
+
+    /// Judges what cannot be estimated.
     fn complete(&self, surface: &Surface, a: u32, b: u32, cost: &mut f32) {
-        if self.metric.is_empty() && cost.is_finite() {
-            return;
-        }
-        if self.at_ends || !cost.is_finite() {
+        if !cost.is_finite() || self.judges_attributes() {
             *cost = self.judge(surface, a, b, None).map_or(UNRANKED, |c| c.cost as f32);
-        } else {
-            let middle = (surface.points[a as usize] + surface.points[b as usize]) * 0.5;
-            *cost += self.cost_of_attributes(surface, [a, b], middle) as f32;
         }
     }
 
     /// What attributes add to the cost of the edge. Errors of the shape in other poses have the factor that errors of the shape have.
-    fn cost_of_attributes(&self, surface: &Surface, [a, b]: [u32; 2], position: DVec3) -> f64 {
-        let deviation = self.metric.deviation(surface, a, b, position);
+    fn cost_of_attributes(&self, surface: &Surface, ends: [u32; 2], pairs: &[(u32, u32)], position: DVec3) -> f64 {
+        let deviation = self.metric.deviation(surface, ends, pairs, position);
         if self.metric.has_displacements() {
-            deviation * self.subject(surface, [a, b], None).factor(self.options.curvature_weight)
+            deviation * self.subject(surface, ends, None).factor(self.options.curvature_weight)
         } else {
             deviation
         }
+    }
+
+    /// The wedges that the faces of an edge join, as far as somebody asks for them.
+    fn pairs(&self, surface: &Surface, [a, b]: [u32; 2]) -> Pairs {
+        if self.metric.is_empty() { Pairs::new() } else { pair_wedges(surface, a, b) }
     }
 }
 
@@ -211,15 +246,15 @@ impl Cost for Enhanced {
         for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
             self.add_edge(surface, edge, &[edge.a, edge.b]);
         }
-        self.metric.refresh(surface);
+        let facets = &self.facets;
+        self.metric.refresh(surface, |face| facets[face].parts());
     }
 
     fn rank(&self, surface: &Surface, edges: &[Edge], locked: &Locked, costs: &mut [f32]) {
-        let weight = self.options.curvature_weight;
         let estimate = |edges: &[Edge; LANES]| {
             let a = Lanes::of(edges.each_ref().map(|e| &self.apexes[e.a as usize]));
             let b = Lanes::of(edges.each_ref().map(|e| &self.apexes[e.b as usize]));
-            estimate(&a, &b, weight, self.at_ends)
+            self.estimate(edges.map(|e| [e.a, e.b]), [&a, &b])
         };
         let (fours, rest) = edges.as_chunks();
         let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
@@ -244,7 +279,8 @@ impl Cost for Enhanced {
             return self.judge_ends(surface, a, b, fixed);
         }
         let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
-        self.judge_between(surface, [a, b], surface.ring(a).iter().filter(at_both).map(|&c| Surface::face_of(c)), fixed)
+        let faces = surface.ring(a).iter().filter(at_both).map(|&c| Surface::face_of(c));
+        self.judge_between(surface, [a, b], faces, &self.pairs(surface, [a, b]), fixed)
     }
 
     fn judge_merge(&self, surface: &Surface, merge: &Merge, fixed: Option<DVec3>) -> Option<Candidate> {
@@ -252,15 +288,14 @@ impl Cost for Enhanced {
         if self.at_ends {
             return self.judge_ends(surface, ends[0], ends[1], fixed);
         }
-        self.judge_between(surface, ends, merge.faces(), fixed)
+        self.judge_between(surface, ends, merge.faces(), &merge.pairs, fixed)
     }
 
     fn rank_hub(&self, surface: &Surface, hub: u32, around: &[u32], costs: &mut [f32]) {
-        let weight = self.options.curvature_weight;
         let here = Lanes::splat(&self.apexes[hub as usize]);
         let estimate = |points: &[u32; LANES]| {
             let others = Lanes::of(points.each_ref().map(|&p| &self.apexes[p as usize]));
-            estimate(&here, &others, weight, self.at_ends)
+            self.estimate(points.map(|p| [hub, p]), [&here, &others])
         };
         let (fours, rest) = around.as_chunks();
         let (costs_of_fours, costs_of_rest) = costs.as_chunks_mut();
@@ -359,11 +394,16 @@ impl Cost for Enhanced {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
+        self.update_shape(surface, point);
+        if !self.metric.is_empty() {
+            let facets = &self.facets;
+            self.metric.update(surface, point, |face| facets[face].parts());
+        }
+    }
+
+    fn update_shape(&mut self, surface: &Surface, point: u32) {
         let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
         self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
-        if !self.metric.is_empty() {
-            self.metric.update(surface, point);
-        }
         if !self.ridged[point as usize] {
             return;
         }

@@ -49,7 +49,7 @@ pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     let mut reducer = Reducer::new(mesh, options);
     let refiner = is_refined(options).then(|| Refiner::new(&reducer.surface, options.effort));
     let is_fitted = options.algorithm == Algorithm::Esqem(Mode::Enhanced) && options.placement == Placement::Optimal;
-    let shading = if is_fitted { Shading::new(&reducer.surface) } else { None };
+    let shading = if is_fitted { Shading::new(mesh, &reducer.surface) } else { None };
     let cards = if options.keep_area { Cards::find(&reducer.surface, &reducer.edges) } else { None };
     // On large meshes even these are much.
     if options.placement == Placement::Optimal {
@@ -79,7 +79,7 @@ struct Builder<'a> {
     /// Built when first asked for.
     deviation: Option<Deviation>,
     refiner: Option<Refiner>,
-    shading: Option<Shading>,
+    shading: Option<Shading<'a>>,
     cards: Option<Cards>,
 }
 

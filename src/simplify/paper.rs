@@ -4,10 +4,11 @@ use super::constraints::{Constraints, upright_planes};
 use super::cost::{Candidate, Cost, Reach, Room, cheapest};
 use super::options::Options;
 use super::quadric::Quadric;
-use crate::attributes::Metric;
+use crate::attributes::{Metric, facet};
 use crate::curvature::{Curvature, border_points, normal_and_area};
 use crate::mesh::edges::{Edge, EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
+use crate::mesh::surgery::pair_wedges;
 use glam::DVec3;
 
 /// ESQEM's a: the curvature term lies two orders of magnitude below the quadric term.
@@ -94,7 +95,7 @@ impl Cost for Paper {
         if !self.curvatures.is_empty() {
             self.curvatures = curvatures(surface, edges);
         }
-        self.metric.refresh(surface);
+        self.metric.refresh(surface, |face| facet(surface, face));
     }
 
     fn judge(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
@@ -105,7 +106,8 @@ impl Cost for Paper {
             let area = pa.distance_squared(pb);
             // The quadrics here are not weighted by area; divided by it, the attribute term is of their unit.
             if area > 0.0 {
-                candidate.cost += self.metric.deviation(surface, a, b, candidate.position) / area;
+                candidate.cost +=
+                    self.metric.deviation(surface, [a, b], &pair_wedges(surface, a, b), candidate.position) / area;
             }
         }
         candidate.cost.is_finite().then_some(candidate)
@@ -126,7 +128,7 @@ impl Cost for Paper {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        self.metric.update(surface, point);
+        self.metric.update(surface, point, |face| facet(surface, face));
         if let Some(curvature) = self.curvatures.get_mut(point as usize) {
             let on_border = |q| edge_kind(surface, point, q).is_some_and(|kind| kind.has(EdgeKind::BORDER));
             let border = surface.neighbours(point).into_iter().any(on_border);

@@ -30,17 +30,21 @@ struct Order {
     reorder: f32,
     /// Share of the edges that is kept: all of them where they are ranked below their costs.
     kept: f64,
+    /// What is known of the attributes of a point stays as it is when a neighbour moves.
+    attributes_lag: bool,
 }
 
 impl Order {
     fn of(reducer: &Reducer) -> Self {
-        match (reducer.goes_to_ends(), reducer.effort()) {
+        let (trust, reorder, kept, attributes_lag) = match (reducer.goes_to_ends(), reducer.effort()) {
             // Which points stay is all there is to choose.
-            (true, _) => Self { trust: 1.0, reorder: 1.3, kept: KEPT },
-            (_, Effort::Fast) => Self { trust: 1.0, reorder: 2.0, kept: KEPT },
-            (_, Effort::Default) => Self { trust: 0.6, reorder: 1.1, kept: 1.0 },
-            (_, Effort::Best) => Self { trust: 0.4, reorder: 1.02, kept: 1.0 },
-        }
+            (true, _) => (1.0, 1.3, KEPT, false),
+            (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 2.0, KEPT, false),
+            (_, Effort::Fast) => (1.0, 1.25, KEPT, true),
+            (_, Effort::Default) => (0.6, 1.1, 1.0, false),
+            (_, Effort::Best) => (0.4, 1.02, 1.0, false),
+        };
+        Self { trust, reorder, kept, attributes_lag }
     }
 }
 
@@ -155,7 +159,7 @@ impl Workspace {
 
     /// Collapses down to `limit` faces, `target` at the end of all, by the buckets below `end`; gives whether there are so few now.
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize, end: usize) -> bool {
-        let reorder = Order::of(reducer).reorder;
+        let Order { reorder, attributes_lag, .. } = Order::of(reducer);
         while reducer.surface.face_count() > limit {
             let joined = |p: u32| self.marks[p as usize] & !STALE;
             let is_current = |entry: Entry| entry.time & !PAID >= joined(entry.a).max(joined(entry.b));
@@ -171,7 +175,11 @@ impl Workspace {
                 let mark = &mut self.marks[p as usize];
                 if *mark & STALE != 0 {
                     *mark &= !STALE;
-                    reducer.cost.update(&reducer.surface, p);
+                    if attributes_lag {
+                        reducer.cost.update_shape(&reducer.surface, p);
+                    } else {
+                        reducer.cost.update(&reducer.surface, p);
+                    }
                 }
             }
             let Some(candidate) = reducer.look_and_judge(a, b) else { continue };

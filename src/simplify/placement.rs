@@ -11,7 +11,7 @@
 
 use super::fan::Four;
 use crate::attributes::add_product;
-use crate::lanes::{dot, gather};
+use crate::lanes::{Vec3x4, dot, gather};
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 use wide::f32x4;
 
@@ -118,10 +118,10 @@ impl Apex {
         (self.rest[0], self.rest[1]) = (rest.x, rest.y);
     }
 
-    /// Adds a plane through the point.
-    pub fn add_plane(&mut self, normal: DVec3, weight: f64) {
+    /// Adds a plane through the point, weighted by the square of its normal's length.
+    pub fn add_plane(&mut self, normal: Vec3, weight: f32) {
         let mut spread = self.spread();
-        add_product(&mut spread, (normal * weight).as_vec3(), normal.as_vec3());
+        add_product(&mut spread, normal * weight, normal);
         self.set_spread(spread);
     }
 
@@ -153,13 +153,23 @@ impl Facet {
         Four::new(gather(edges.map(|e| e[0])), gather(edges.map(|e| e[1]))).facets().map(Self)
     }
 
+    /// Of unit length; zero without an area.
+    pub fn normal(self) -> Vec3 {
+        self.0.truncate()
+    }
+
+    /// Normal and area.
+    pub fn parts(self) -> (Vec3, f32) {
+        (self.normal(), self.0.w)
+    }
+
     pub fn area_vector(self) -> Vec3 {
-        self.0.truncate() * self.0.w
+        self.normal() * self.0.w
     }
 
     /// Area · distance that a point of the face gets from its plane on this way.
     pub fn volume_along(self, way: Vec3) -> f32 {
-        self.0.w * self.0.truncate().dot(way)
+        self.0.w * self.normal().dot(way)
     }
 }
 
@@ -268,10 +278,19 @@ pub(super) fn emphasis(curvature: f64, length_squared: f64, curvature_weight: f3
     1.0 + f64::from(curvature_weight * CURVATURE_SCALE) * (curvature * length_squared).min(f64::from(CURVATURE_CAP))
 }
 
-/// What the collapses of four edges cost about, with the factor: the least of both ends and of the best point above the middle of the edge, which is
-/// all that ranking needs. With `at_ends` the least of both ends alone.
+/// What the collapses of four edges cost about.
+pub(super) struct Estimate {
+    pub error: f32x4,
+    /// How much it counts.
+    pub factor: f32x4,
+    /// From the first end to the second.
+    pub edge: Vec3x4,
+}
+
+/// The least of both ends and of the best point above the middle of the edge, which is all that ranking needs. With `at_ends` the least of both ends
+/// alone.
 #[inline]
-pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: bool) -> [f32; LANES] {
+pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: bool) -> Estimate {
     let splat = f32x4::splat;
     let edge = [0, 1, 2].map(|i| b.position[i] - a.position[i]);
     // A e = weight (m · e) m + spread e.
@@ -300,7 +319,7 @@ pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: boo
         at_start.fast_min(at_end).fast_min(between).fast_max(splat(0.0)) + least
     };
     let factor = factor(a.mean, b.mean, a.curvature + b.curvature, length_squared, curvature_weight);
-    (error * factor).to_array()
+    Estimate { error, factor, edge }
 }
 
 /// What is known of four points, number by number.
@@ -447,7 +466,8 @@ mod tests {
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
         let shared: Vec3 = fa[..2].iter().map(|&t| facet_of(&t).area_vector()).sum();
         let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
-        for estimate in estimate(&Lanes::splat(&a), &Lanes::of([&b; LANES]), 1.0, false) {
+        let Estimate { error, factor, .. } = estimate(&Lanes::splat(&a), &Lanes::of([&b; LANES]), 1.0, false);
+        for estimate in (error * factor).to_array() {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
         }
     }
