@@ -78,6 +78,8 @@ struct Budget {
 
 /// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
 const FEWEST_SAMPLES: usize = 6;
+/// Samples a face below which one round is all that pays.
+const ENOUGH_SAMPLES: usize = 12;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
 const NEW_PEAK: f32 = 0.9;
 
@@ -109,7 +111,11 @@ impl Refiner {
 
     /// Whether there are enough samples to refine a level of so many faces.
     pub fn can_judge(&self, faces: usize) -> bool {
-        self.source.judges().start >= FEWEST_SAMPLES * faces
+        self.has_samples(faces, FEWEST_SAMPLES)
+    }
+
+    fn has_samples(&self, faces: usize, each: usize) -> bool {
+        self.source.judges().start >= each * faces
     }
 
     /// How far the samples that are held out are from the surface.
@@ -131,6 +137,8 @@ impl Refiner {
         let mut fixed = find_fixed(surface, locked);
         let judged = self.judge(surface);
         let anchors = self.anchors.clone();
+        let is_fine = !self.has_samples(surface.face_count(), ENOUGH_SAMPLES);
+        let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
         let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
         let chosen = self.source.choose(wanted);
         follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
@@ -151,9 +159,9 @@ impl Refiner {
         let was = level.distance();
         let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
         level.prices.set_peak(was.worst * NEW_PEAK);
-        for round in 0..self.budget.rounds {
+        for round in 0..rounds {
             sweep(&mut level, &fixed);
-            if round < self.budget.exchanges {
+            if round < exchanges {
                 exchange::exchange(&mut level, &mut fixed);
             }
             let peak = peaks::lower_peaks(&mut level, &fixed, most, 0.0);
