@@ -1,5 +1,7 @@
 //! The simplifier's promises on meshes of every kind, through the public library.
 
+use gltf_lod::baseline;
+use gltf_lod::measure::{Ruler, Sampling};
 use gltf_lod::mesh::{Attribute, Mesh, Semantic, Skin};
 use gltf_lod::simplify::{Algorithm, EdgePolicy, Effort, Mode, Options, Placement, Schedule, Stop, Target, simplify};
 use proptest::prelude::*;
@@ -312,6 +314,36 @@ fn any_options() -> impl Strategy<Value = Options> {
             ..options(&[ratio, ratio * 0.5])
         },
     )
+}
+
+/// Each effort is at least as near to the source as the one below, and all are nearer than meshoptimizer's plain levels of the same counts: geometric means
+/// over levels, as a single one may miss.
+#[test]
+fn more_effort_is_nearer_and_all_are_nearer_than_meshoptimizer() {
+    let levels = [0.5, 0.25, 0.1, 0.05, 0.02].map(Target::ratio).to_vec();
+    let mut open = terrain(60, 0.1);
+    open.attributes.clear();
+    for (mesh, floor) in [(sphere(48, 0.2), 0.75), (open, 0.75)] {
+        let ruler = Ruler::new(&mesh, Sampling { samples: 20_000, seed: 1 });
+        let mean = |meshes: Vec<Mesh>| {
+            let logs = meshes.iter().map(|level| ruler.measure(level).rms().ln());
+            (logs.sum::<f64>() / meshes.len() as f64).exp()
+        };
+        let by_effort = [Effort::Fast, Effort::Default, Effort::Best].map(|effort| {
+            let options = Options { levels: levels.clone(), effort, ..Options::default() };
+            simplify(&mesh, &options).expect("valid").levels.into_iter().map(|l| l.mesh).collect::<Vec<_>>()
+        });
+        let plain = baseline::Prepared::new(&mesh).expect("valid");
+        let theirs = by_effort[0]
+            .iter()
+            .map(|l| plain.run(l.triangles.len(), baseline::Settings::default()).expect("valid").mesh)
+            .collect();
+        let theirs = mean(theirs);
+        let [fast, default, best] = by_effort.map(|meshes| mean(meshes) / theirs);
+        assert!(fast < floor, "fast is at {fast} of meshoptimizer's");
+        assert!(default < fast, "default is at {default}, fast at {fast}");
+        assert!(best < default * 1.01, "best is at {best}, default at {default}");
+    }
 }
 
 #[test]
