@@ -59,8 +59,7 @@ impl Solution {
     /// Whether a face around the joined point would turn over in a texture. Wedges that were not solved stay as they are.
     pub fn turns_charts(&self, surface: &Surface, merge: &Merge) -> bool {
         let wedges = &surface.wedges;
-        let textures = wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::TexCoord(_)));
-        textures.map(|column| column.offset).any(|offset| {
+        wedges.tex_coords().any(|offset| {
             let at = |row: &[f32]| Vec2::from_slice(&row[offset..]);
             merge.spokes().iter().any(|&corner| {
                 let old = surface.wedge_at(corner);

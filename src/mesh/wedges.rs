@@ -82,6 +82,11 @@ impl Wedges {
         &self.columns
     }
 
+    /// Where texture coordinates begin in a row, for each set.
+    pub fn tex_coords(&self) -> impl Iterator<Item = usize> {
+        self.columns.iter().filter(|c| matches!(c.semantic, Semantic::TexCoord(_))).map(|c| c.offset)
+    }
+
     /// `value` within the source's range of the number `index` of a row.
     pub fn within_range(&self, index: usize, value: f32) -> f32 {
         let (low, high) = self.range[index];

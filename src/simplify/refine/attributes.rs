@@ -182,8 +182,8 @@ fn blend_rows(wedges: &Wedges, corners: [u32; 3], weights: [f32; 3]) -> Row {
 /// Puts back the texture coordinates that the point has, where those in `row` would turn a face over in the texture.
 fn keep_charts(surface: &Surface, p: u32, row: &mut [f32]) {
     let wedges = &surface.wedges;
-    for column in wedges.columns().iter().filter(|c| matches!(c.semantic, Semantic::TexCoord(_))) {
-        let at = |row: &[f32]| Vec2::new(row[column.offset], row[column.offset + 1]);
+    for offset in wedges.tex_coords() {
+        let at = |row: &[f32]| Vec2::from_slice(&row[offset..]);
         let turns = |&corner: &u32| {
             let [b, c] = surface.opposite_wedges(corner).map(|w| at(wedges.row(w)));
             let (old, new) = (at(wedges.row(surface.wedge_at(corner))), at(row));
@@ -193,7 +193,7 @@ fn keep_charts(surface: &Surface, p: u32, row: &mut [f32]) {
         if let Some(&corner) = surface.ring(p).first()
             && surface.ring(p).iter().any(turns)
         {
-            let range = column.offset..column.offset + 2;
+            let range = offset..offset + 2;
             row[range.clone()].copy_from_slice(&wedges.row(surface.wedge_at(corner))[range]);
         }
     }

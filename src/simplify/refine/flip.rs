@@ -2,7 +2,6 @@
 
 use super::level::{Level, Manner, area, unit_normal};
 use crate::attributes::turns_over;
-use crate::mesh::Semantic;
 use crate::mesh::edges::edge_kind;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::flip_edge;
@@ -88,8 +87,7 @@ fn turns(old: &[[Vec3; 3]; 2], new: &[[Vec3; 3]; 2]) -> bool {
 /// Whether the other diagonal would turn a face over in a texture: there the diamond may have another shape.
 fn turns_charts(surface: &Surface, [first, second]: [usize; 2], [a, b, c, d]: [u32; 4]) -> bool {
     let wedges = &surface.wedges;
-    let textures = wedges.columns().iter().filter(|column| matches!(column.semantic, Semantic::TexCoord(_)));
-    textures.map(|column| column.offset).any(|offset| {
+    wedges.tex_coords().any(|offset| {
         let place = |face: usize, p: u32| {
             let wedge = surface.face_wedges(face)[surface.face(face).iter().position(|&q| q == p)?];
             Some(Vec2::from_slice(&wedges.row(wedge)[offset..]))

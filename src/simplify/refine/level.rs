@@ -20,9 +20,6 @@ pub(super) enum Manner {
 /// No sample; the end of a list.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Squared distance, relative to the mean, from which a foot found by walking is not trusted.
-const SUSPICIOUS: f32 = 100.0;
-
 /// Cosines of the angles to the source's normal from which a face looks away, and from which it is turned over.
 const AWAY_COSINES: [f32; 2] = [0.2, -0.3];
 
@@ -116,11 +113,7 @@ impl Level<'_> {
     /// there: where a foot is suspiciously far it is searched for.
     pub fn look_back(&self, x: Vec3, start: u32) -> Foot {
         let foot = self.source.walk(x, start);
-        if foot.distance_squared > self.prices.peak.min(SUSPICIOUS * self.prices.mean_square) {
-            self.source.search(x, foot)
-        } else {
-            foot
-        }
+        if self.prices.is_suspicious(foot.distance_squared) { self.source.search(x, foot) } else { foot }
     }
 
     /// Whether some of the `new` triangles look away from the source at `foot`, although none of the `old` ones does.
@@ -237,7 +230,7 @@ pub(super) fn unit_normal([a, b, c]: &[Vec3; 3]) -> Vec3 {
 }
 
 /// Cosine of the angle by which faces may turn away from those that they replace.
-const TURN_COSINE: f32 = 0.3;
+pub(super) const TURN_COSINE: f32 = 0.3;
 
 /// Whether any of these triangles turns away from the one in its place before.
 pub(super) fn turn_away(old: &[[Vec3; 3]], new: &[[Vec3; 3]]) -> bool {

@@ -50,20 +50,20 @@ pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, enough
 }
 
 /// Faces by their worst spots.
-pub(super) struct Peaks {
+struct Peaks {
     heap: BinaryHeap<Ranked>,
     /// Of each face: entries with another stamp are out of date.
     stamps: Vec<u32>,
 }
 
 impl Peaks {
-    pub fn new(level: &mut Level) -> Self {
+    fn new(level: &mut Level) -> Self {
         let faces: Vec<usize> = level.surface.live_faces().collect();
         let rank = |f: usize| Ranked { squared: level.spots(f).worst.to_bits(), face: f as u32, stamp: 0 };
         Self { heap: faces.into_iter().map(rank).collect(), stamps: vec![0; level.surface.face_slots()] }
     }
 
-    pub fn pop(&mut self, level: &Level) -> Option<(usize, f32)> {
+    fn pop(&mut self, level: &Level) -> Option<(usize, f32)> {
         while let Some(top) = self.heap.pop() {
             let face = top.face as usize;
             if level.surface.is_live(face) && self.stamps[face] == top.stamp {
@@ -74,12 +74,11 @@ impl Peaks {
     }
 
     /// Ranks the faces at these points anew.
-    pub fn push_around(&mut self, level: &mut Level, points: &[u32]) {
+    fn push_around(&mut self, level: &mut Level, points: &[u32]) {
         let mut faces: Vec<usize> =
             points.iter().flat_map(|&p| level.surface.ring(p)).map(|&c| Surface::face_of(c)).collect();
         faces.sort_unstable();
         faces.dedup();
-        self.stamps.resize(level.surface.face_slots(), 0);
         for f in faces {
             self.stamps[f] += 1;
             let squared = level.spots(f).worst.to_bits();

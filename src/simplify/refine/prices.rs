@@ -12,20 +12,22 @@ const NEEDLE_SHARE: f32 = 32.0;
 const GOOD_QUALITY: f32 = 0.45;
 /// Squared distance, relative to the mean, of a peak as long as the largest is not known.
 const FIRST_PEAK: f32 = 16.0;
+/// Squared distance, relative to the mean, from which none is trusted that was found by walking; peaks never are.
+const SUSPICIOUS: f32 = 100.0;
 /// Rounding of single precision in the unit frame, squared: below it nothing is worth a change.
 const ROUNDING: f32 = 1e-14;
 
 /// In area · squared length of the unit frame.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Prices {
-    /// Squared distance from which peaks count (and are never taken for granted), and what its excess costs.
-    pub peak: f32,
+    /// Squared distance from which peaks count, and what its excess costs.
+    peak: f32,
     peak_area: f32,
     normal: f32,
     needle: f32,
     /// Area that a face's samples have in the mean.
     face_area: f32,
-    pub mean_square: f32,
+    mean_square: f32,
     /// Area of the samples in the lists, relative to the level's.
     pub density: f32,
 }
@@ -66,6 +68,11 @@ impl Prices {
     pub fn set_peak(&mut self, squared: f32) {
         self.peak = squared;
         self.peak_area = self.face_area;
+    }
+
+    /// Whether a squared distance that was found by walking may be wrong.
+    pub fn is_suspicious(&self, squared: f32) -> bool {
+        squared > self.peak.min(SUSPICIOUS * self.mean_square)
     }
 
     /// Of samples of these areas, at these squared distances from faces whose normals have the cosines `turn` to their own.

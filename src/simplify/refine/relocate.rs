@@ -4,7 +4,7 @@
 //! goes as far as several of the original ones. The point's own distance to the source takes part: nothing else holds back a point that sticks
 //! out, as no sample is near it.
 
-use super::level::{Fan, Level, Manner, area};
+use super::level::{Fan, Level, Manner, TURN_COSINE, area};
 use super::step::Step;
 use std::mem::take;
 
@@ -12,8 +12,6 @@ use std::mem::take;
 const LEAST_GAIN: f32 = 2e-3;
 /// Lengths of the steps tried; in sweeps as many as the budget has.
 pub(super) const SCALES: [f32; 2] = [1.0, 0.4];
-/// Cosine of the angle by which a face may turn.
-const TURN_COSINE: f32 = 0.3;
 /// Share of the faces' area that the point alone stands for.
 const POINT_SHARE: f32 = 0.02;
 
