@@ -5,7 +5,7 @@
 //!
 //! 1. **Sweeps** over all edges and points: the other diagonal of two faces, and the place of a point that is nearest to its samples.
 //!    Distances near the largest are dear, so that the mean does not gain at their cost.
-//! 2. **Peaks**, between two sweeps: where the level is farthest from the source, in either direction, the same moves with the farthest distance
+//! 2. **Peaks**, after each sweep: where the level is farthest from the source, in either direction, the same moves with the farthest distance
 //!    counting most and with places on the level looked at, too; faces between the samples may bridge a gap or stick out. What that costs in the
 //!    mean the next sweep wins back.
 //! 3. **Exchanges** (`best`): a point comes in where the level is farthest from the source, in either direction, and one that is missed less goes.
@@ -74,6 +74,8 @@ struct Budget {
     scales: usize,
     /// Share of the faces whose worst spots are worked on in a round.
     peaks: f32,
+    /// Whether peaks are looked for between the centre of a face, the middles of its edges and its corners, too.
+    looks_between: bool,
 }
 
 /// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
@@ -87,9 +89,20 @@ impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
             Effort::Best => {
-                Self { inside: 4.0, samples: 16.0, rounds: 2, exchanges: 1, promise: 0.01, scales: 2, peaks: 0.04 }
+                let (inside, samples) = (4.0, 16.0);
+                let (rounds, exchanges, promise, scales) = (2, 1, 0.01, 2);
+                Self { inside, samples, rounds, exchanges, promise, scales, peaks: 0.025, looks_between: true }
             }
-            _ => Self { inside: 0.5, samples: 4.0, rounds: 1, exchanges: 0, promise: 0.02, scales: 1, peaks: 0.02 },
+            _ => Self {
+                inside: 0.5,
+                samples: 4.0,
+                rounds: 1,
+                exchanges: 0,
+                promise: 0.02,
+                scales: 1,
+                peaks: 0.02,
+                looks_between: false,
+            },
         }
     }
 }
@@ -159,18 +172,20 @@ impl Refiner {
         let was = level.distance();
         let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
         level.prices.set_peak(was.worst * NEW_PEAK);
+        let mut peak = was.worst;
         for round in 0..rounds {
             sweep(&mut level, &fixed);
             if round < exchanges {
                 exchange::exchange(&mut level, &mut fixed);
             }
-            let peak = peaks::lower_peaks(&mut level, &fixed, most, 0.0);
+            peak = peak.min(peaks::lower_peaks(&mut level, &fixed, most, 0.0));
             level.prices.set_peak(peak * NEW_PEAK);
         }
         sweep(&mut level, &fixed);
+        // Sweeps do not look between samples: what they raise is lowered again.
         let mut is = level.distance();
-        if is.worst > was.worst {
-            peaks::lower_peaks(&mut level, &fixed, most, was.worst);
+        if is.worst > peak {
+            peaks::lower_peaks(&mut level, &fixed, most, peak);
             is = level.distance();
         }
         if let Some(attributes) = &self.attributes {

@@ -70,6 +70,10 @@ impl Prices {
         self.peak_area = self.face_area;
     }
 
+    pub fn peak(&self) -> f32 {
+        self.peak
+    }
+
     /// Whether a squared distance that was found by walking may be wrong.
     pub fn is_suspicious(&self, squared: f32) -> bool {
         squared > self.peak.min(SUSPICIOUS * self.mean_square)

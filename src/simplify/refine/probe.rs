@@ -12,6 +12,14 @@ const CENTRE_SHARE: f32 = 9.0 / 20.0;
 const MIDDLE_SHARE: f32 = 2.0 / 15.0;
 const CORNER_SHARE: f32 = 1.0 / 20.0;
 
+/// Places between these, by barycentric coordinates; the last two are on the first edge.
+const BETWEEN: [[f32; 3]; 5] =
+    [[0.5, 0.25, 0.25], [0.25, 0.5, 0.25], [0.25, 0.25, 0.5], [0.75, 0.25, 0.0], [0.25, 0.75, 0.0]];
+/// How many of them are inside.
+const INSIDE: usize = 3;
+/// Squared distance, relative to that from which peaks count, below which no peak is looked for between the places above.
+const NEAR_PEAK: f32 = 0.3;
+
 /// A place on the level that follows a point by the share `lever`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Probe {
@@ -49,10 +57,18 @@ impl Level<'_> {
         for t in fan {
             let (area, inner) = (area(t), centre(t));
             let normal = unit_normal(t);
-            push(inner, area * CENTRE_SHARE, 1.0 / 3.0, self.look_back_from(inner, normal, foot.face));
+            let at_inner = self.look_back_from(inner, normal, foot.face);
+            push(inner, area * CENTRE_SHARE, 1.0 / 3.0, at_inner);
             // The spoke's other face is part of the fan, too, wherever the fan is closed.
             let middle = t[0].midpoint(t[1]);
-            push(middle, area * MIDDLE_SHARE * 2.0, 0.5, self.look_back_from(middle, normal, foot.face));
+            let at_middle = self.look_back_from(middle, normal, foot.face);
+            push(middle, area * MIDDLE_SHARE * 2.0, 0.5, at_middle);
+            if self.may_peak(farthest([foot, at_inner, at_middle])) {
+                for at in &BETWEEN {
+                    let place = blend(t, at);
+                    push(place, 0.0, at[0], self.look_back(place, at_inner.face));
+                }
+            }
         }
         probes
     }
@@ -65,12 +81,23 @@ impl Level<'_> {
         let middle = pair[0][0].midpoint(pair[0][1]);
         let foot = self.look_back_from(middle, unit_normal(&pair[0]), start);
         probes.push(Probe { place: middle, area: (areas[0] + areas[1]) * MIDDLE_SHARE, lever: 0.0, foot });
-        for (t, area) in pair.iter().zip(areas) {
+        for ((t, area), count) in pair.iter().zip(areas).zip([BETWEEN.len(), INSIDE]) {
             let place = centre(t);
-            let foot = self.look_back_from(place, unit_normal(t), start);
-            probes.push(Probe { place, area: area * CENTRE_SHARE, lever: 0.0, foot });
+            let at_inner = self.look_back_from(place, unit_normal(t), start);
+            probes.push(Probe { place, area: area * CENTRE_SHARE, lever: 0.0, foot: at_inner });
+            if self.may_peak(farthest([foot, at_inner])) {
+                for place in BETWEEN[..count].iter().map(|at| blend(t, at)) {
+                    let foot = self.look_back(place, at_inner.face);
+                    probes.push(Probe { place, area: 0.0, lever: 0.0, foot });
+                }
+            }
         }
         probes
+    }
+
+    /// Whether a peak is looked for between places of which the farthest is so far off (squared).
+    fn may_peak(&self, squared: f32) -> bool {
+        self.budget.looks_between && squared > self.prices.peak() * NEAR_PEAK
     }
 
     /// The source's closest point to a place on a face with this normal: from the patch's nearest sample, or else from `start`. A walk that
@@ -91,23 +118,34 @@ impl Level<'_> {
             step.add(p.foot.point - p.place, p.lever, self.prices.slope(p.area, p.foot.distance_squared));
         }
     }
-    /// Looks at a face: its samples, corners, centre and the middles of the edges that the other face leaves to it.
+    /// Looks at a face: its samples, corners, centre and the middles of the edges that the other face leaves to it, and between these.
     pub fn find_spots(&self, face: usize) -> Spots {
         let triangle = self.triangle(face);
-        let [a, b, c] = triangle;
         let (area, normal) = (area(&triangle), unit_normal(&triangle));
-        let feet = self.surface.face(face).map(|p| self.foot(p));
-        let corners = feet.map(|foot| foot.distance_squared);
         let own = self.surface.face(face);
-        let middles = [(a, b, 0), (b, c, 1), (c, a, 2)].map(|(p, q, k)| {
-            let is_mine = own[k] < own[(k + 1) % 3];
-            if is_mine { self.look_back_on(face, p.midpoint(q), normal, feet[k].face).distance_squared } else { 0.0 }
+        let corners = own.map(|p| self.foot(p));
+        let inner = self.look_back_on(face, centre(&triangle), normal, corners[0].face);
+        let from = |k: usize| [k, (k + 1) % 3, (k + 2) % 3].map(|k| triangle[k]);
+        let mine = [0, 1, 2].map(|k| own[k] < own[(k + 1) % 3]);
+        let middles = [0, 1, 2].map(|k| {
+            let [p, q, _] = from(k);
+            let foot = mine[k].then(|| self.look_back_on(face, p.midpoint(q), normal, corners[k].face));
+            foot.map_or(0.0, |foot| foot.distance_squared)
         });
-        let inner = self.look_back_on(face, centre(&triangle), normal, feet[0].face).distance_squared;
+        let corners = corners.map(|foot| foot.distance_squared);
         let samples = self.lists.of(face).map(|s| self.lists.squared[s as usize]);
+        let mut worst = samples.chain(corners).chain(middles).fold(inner.distance_squared, f32::max);
+        if self.may_peak(worst) {
+            let (inside, along) = BETWEEN.split_at(INSIDE);
+            let edges = (0..3).filter(|&k| mine[k]).flat_map(|k| along.iter().map(move |at| blend(&from(k), at)));
+            for place in inside.iter().map(|at| blend(&triangle, at)).chain(edges) {
+                worst = worst.max(self.look_back(place, inner.face).distance_squared);
+            }
+        }
         let sum = |squares: [f32; 3]| squares.iter().sum::<f32>();
+        let inner = inner.distance_squared;
         Spots {
-            worst: samples.chain(corners).chain(middles).fold(inner, f32::max),
+            worst,
             squares: area * (inner * CENTRE_SHARE + sum(middles) * 2.0 * MIDDLE_SHARE + sum(corners) * CORNER_SHARE),
         }
     }
@@ -124,4 +162,12 @@ impl Level<'_> {
         }
         self.look_back(place, best.1)
     }
+}
+
+fn farthest<const N: usize>(feet: [Foot; N]) -> f32 {
+    feet.iter().map(|foot| foot.distance_squared).fold(0.0, f32::max)
+}
+
+fn blend([a, b, c]: &[Vec3; 3], [u, v, w]: &[f32; 3]) -> Vec3 {
+    *a * *u + *b * *v + *c * *w
 }

@@ -11,7 +11,7 @@ use std::mem::take;
 /// Relative gain below which a step is noise.
 const LEAST_GAIN: f32 = 2e-3;
 /// Lengths of the steps tried; in sweeps as many as the budget has.
-pub(super) const SCALES: [f32; 2] = [1.0, 0.4];
+const SCALES: [f32; 3] = [1.0, 0.4, 0.15];
 /// Share of the faces' area that the point alone stands for.
 const POINT_SHARE: f32 = 0.02;
 
