@@ -387,9 +387,6 @@ impl Surface {
     /// Does what `merge` says; `kept` moves to `position`.
     pub(super) fn collapse(&mut self, merge: &Merge, position: DVec3) {
         let (kept, gone) = (merge.kept, merge.gone);
-        if merge.is_turned() {
-            self.tell_wedges_apart();
-        }
         for &(point, corner) in &merge.across {
             self.rings.remove(point, corner);
             self.faces[Self::face_of(corner)][0] = DEAD;
@@ -398,7 +395,7 @@ impl Surface {
         for &corner in merge.spokes_of_gone() {
             self.faces[Self::face_of(corner)][(corner & 3) as usize] = kept;
         }
-        for &corner in merge.spokes_with_new_wedges().iter().take(self.corners.len()) {
+        for &corner in merge.spokes_of_gone().iter().take(self.corners.len()) {
             let wedge = &mut self.corners[Self::face_of(corner)][(corner & 3) as usize];
             *wedge = merge.target(*wedge);
         }

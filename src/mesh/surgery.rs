@@ -16,7 +16,7 @@ pub(crate) struct Merge {
     pub gone: u32,
     /// The points across the edge, the third ones of the faces that have both, and their corners there.
     pub across: SmallVec<[(u32, Corner); 4]>,
-    /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay, unless the merge is turned.
+    /// Pairs (wedge that stays, wedge that becomes it) that the faces join, each once. Those at `kept` stay.
     pub pairs: Pairs,
     /// See [`Self::spokes`] and [`Self::rims`]; only the first `count` mean anything.
     spokes: Vec<Corner>,
@@ -24,8 +24,6 @@ pub(crate) struct Merge {
     count: usize,
     /// Where those at `gone` begin.
     from_gone: usize,
-    /// The wedges at `gone` stay.
-    turned: bool,
 }
 
 impl Merge {
@@ -38,7 +36,7 @@ impl Merge {
 
     /// Looks at another edge.
     pub fn look(&mut self, surface: &Surface, kept: u32, gone: u32) {
-        (self.kept, self.gone, self.turned) = (kept, gone, false);
+        (self.kept, self.gone) = (kept, gone);
         self.across.clear();
         self.pairs.clear();
         let rings = [surface.ring(kept), surface.ring(gone)];
@@ -131,18 +129,15 @@ impl Merge {
         (1..pairs.len()).all(|i| pairs[..i].iter().all(|p| !torn(p, &pairs[i])))
     }
 
-    /// Turns the wedges around: those of the other end stay. Points stay as they are.
-    pub fn turn(&mut self) {
-        self.turned = !self.turned;
-        self.pairs.iter_mut().for_each(|pair| *pair = (pair.1, pair.0));
-    }
-
     /// Pairs up the wedges that would have to go without a partner: with the partner of one that looks the same, or else, if `lossy`, with the one at the
     /// other end that looks most alike in the same group. Gives whether none is left over.
     pub fn pair_up(&mut self, surface: &Surface, lossy: bool) -> bool {
+        if !surface.has_seams() {
+            return !self.pairs.is_empty();
+        }
         let wedges = &surface.wedges;
-        for i in 0..self.spokes_with_new_wedges().len() {
-            let wedge = surface.wedge_at(self.spokes_with_new_wedges()[i]);
+        for i in 0..self.spokes_of_gone().len() {
+            let wedge = surface.wedge_at(self.spokes_of_gone()[i]);
             if self.pairs.iter().any(|pair| pair.1 == wedge) {
                 continue;
             }
@@ -157,7 +152,7 @@ impl Merge {
 
     fn find_most_alike(&self, surface: &Surface, wedge: u32) -> Option<u32> {
         let wedges = &surface.wedges;
-        let ring = surface.ring(if self.turned { self.gone } else { self.kept });
+        let ring = surface.ring(self.kept);
         let same_group = ring.iter().map(|&c| surface.wedge_at(c)).filter(|&w| wedges.group(w) == wedges.group(wedge));
         let distance = |w: &u32| wedges.distance_squared(*w, wedge);
         same_group.min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
@@ -178,19 +173,9 @@ impl Merge {
         &self.spokes()[self.from_gone..]
     }
 
-    /// Corners whose wedges become others, where those have partners.
-    pub fn spokes_with_new_wedges(&self) -> &[Corner] {
-        if self.turned { self.spokes_of_kept() } else { self.spokes_of_gone() }
-    }
-
     /// Corners at either end, those of the edge's own faces once (at `kept`).
     pub fn corners<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = Corner> + 'a {
         surface.ring(self.kept).iter().chain(self.spokes_of_gone()).copied()
-    }
-
-    /// Whether the wedges at `gone` stay instead of those at `kept`.
-    pub(super) fn is_turned(&self) -> bool {
-        self.turned
     }
 
     /// Does it; the joined point moves to `position`. Wedge values are the caller's business.

@@ -5,7 +5,7 @@ use super::fan::Fan;
 use crate::attributes::Metric;
 use crate::mesh::edges::Edge;
 use crate::mesh::regions::Region;
-use crate::mesh::surface::Surface;
+use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::Merge;
 use glam::DVec3;
 use std::any::Any;
@@ -71,8 +71,8 @@ pub(crate) trait Cost: Any + Send + Sync {
         1.0
     }
 
-    /// Follows a collapse that was done, whose faces are `fan`.
-    fn follow_faces(&mut self, _merge: &Merge, _fan: &Fan) {}
+    /// Follows a collapse that was done: the faces at `spokes` are as in `fan` now.
+    fn follow_faces(&mut self, _spokes: &[Corner], _fan: &Fan) {}
 
     /// Follows a collapse that was done: `gone` is part of `kept` now.
     fn merged(&mut self, surface: &Surface, kept: u32, gone: u32);
@@ -87,7 +87,7 @@ pub(crate) trait Cost: Any + Send + Sync {
     /// then for its neighbours.
     fn update(&mut self, surface: &Surface, point: u32);
 
-    /// The same, but what is known of attributes may stay as it was.
+    /// The same for a neighbour of a joined point, but what is known of attributes may stay as it was, and of the shape what judging does not need.
     fn update_shape(&mut self, surface: &Surface, point: u32) {
         self.update(surface, point);
     }

@@ -8,48 +8,43 @@
 
 use super::placement::Facet;
 use crate::mesh::surface::Surface;
-use glam::Vec3;
 
 /// Weight of the farthest distance, as if the whole area were that far.
 const FARTHEST: f32 = 0.4;
 
 /// The faces around a point that goes to another one.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Sweep {
-    /// Σ area · distance² by the planes of the new faces.
-    error: f32,
+    /// Σ area · distance² by the planes of the old faces, and by those of the new ones.
+    pub by_old: f32,
+    by_new: f32,
     farthest_squared: f32,
 }
 
 impl Sweep {
     pub fn new(surface: &Surface, facets: &[Facet], stays: u32, goes: u32) -> Self {
         let target = surface.points[stays as usize];
-        let way = (target - surface.points[goes as usize]).as_vec3();
-        let mut sweep = Self::default();
+        let from = |p: u32| (surface.points[p as usize] - target).as_vec3();
+        let way = from(goes);
+        let (mut by_old, mut by_new, mut farthest_squared) = (0.0, 0.0, 0.0f32);
         for &corner in surface.ring(goes) {
-            let [p, q] = surface.opposite(corner);
-            if p == stays || q == stays {
-                continue;
-            }
-            let [p, q] = [p, q].map(|p| (surface.points[p as usize] - target).as_vec3());
-            sweep.add(facets[Surface::face_of(corner)].volume_along(way), p, q);
+            let [p, q] = surface.opposite(corner).map(from);
+            // Faces that have both points have no area afterwards, and count nothing.
+            let normal = p.cross(q);
+            let square = normal.length_squared();
+            // Six times the volume that the face sweeps.
+            let volume = normal.dot(way);
+            let distance_squared = volume * volume / square.max(f32::MIN_POSITIVE);
+            by_old += volume * volume / facets[Surface::face_of(corner)].area().max(f32::MIN_POSITIVE);
+            by_new += square.sqrt() * distance_squared;
+            farthest_squared = farthest_squared.max(distance_squared);
         }
-        sweep
-    }
-
-    /// Adds the face between the target and two points. `volume`: area · distance by the old face.
-    fn add(&mut self, volume: f32, p: Vec3, q: Vec3) {
-        let area = 0.5 * p.cross(q).length();
-        if area > 0.0 {
-            let distance = volume / area;
-            self.error += volume * distance;
-            self.farthest_squared = self.farthest_squared.max(distance * distance);
-        }
+        Self { by_old: 0.25 * by_old, by_new: 0.5 * by_new, farthest_squared }
     }
 
     /// What it costs. `error`: Σ area · distance² by the planes of the old faces, of this `area`.
     pub fn cost(&self, error: f64, area: f32) -> f64 {
-        let error = 0.5 * (error + f64::from(self.error)) + f64::from(FARTHEST * area * self.farthest_squared);
+        let error = 0.5 * (error + f64::from(self.by_new)) + f64::from(FARTHEST * area * self.farthest_squared);
         error / f64::from(area.max(f32::MIN_POSITIVE).sqrt())
     }
 }

@@ -16,7 +16,7 @@ use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
 use crate::mesh::edges::{Edge, EdgeKind, special_edges};
 use crate::mesh::regions::Region;
-use crate::mesh::surface::Surface;
+use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::{Merge, Pairs, pair_wedges};
 use crate::tasks;
 use glam::{DVec3, Vec3};
@@ -63,38 +63,32 @@ impl Enhanced {
         }
     }
 
-    /// The cheaper of the allowed ends.
+    /// The end that is cheaper by the old faces, if both are allowed.
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
-        let factor = subject.factor(self.options.curvature_weight);
-        let pairs = self.pairs(surface, [a, b]);
-        // By the old faces alone, which is what it costs at least.
-        let end = |stays: u32, goes: u32| {
-            let mut error = subject.error_of_end(stays == b);
+        let errors = [false, true].map(|backwards| {
+            let [stays, goes] = if backwards { [b, a] } else { [a, b] };
+            let mut error = subject.error_of_end(backwards);
             if !self.metric.is_empty() {
-                let turned = |&(of_a, of_b): &(u32, u32)| if stays == a { (of_a, of_b) } else { (of_b, of_a) };
+                let turned = |&(of_a, of_b): &(u32, u32)| if backwards { (of_b, of_a) } else { (of_a, of_b) };
+                let pairs = self.pairs(surface, [a, b]);
                 error += self.metric.deviation_of_end(surface, [stays, goes], pairs.iter().map(turned));
             }
-            let area = self.apexes[goes as usize].weight();
-            (Sweep::default().cost(error, area) * factor, error, area, stays, goes)
+            (error, self.apexes[goes as usize].weight())
+        });
+        let backwards = match fixed {
+            Some(x) => x != surface.points[a as usize],
+            // Over the root of the area, squared.
+            None => errors[1].0.powi(2) * f64::from(errors[0].1) < errors[0].0.powi(2) * f64::from(errors[1].1),
         };
-        let judge = |(_, error, area, stays, goes): (f64, f64, f32, u32, u32)| {
-            let cost = Sweep::new(surface, &self.facets, stays, goes).cost(error, area) * factor;
-            cost.is_finite().then_some(Candidate { cost, position: surface.points[stays as usize] })
-        };
-        match fixed {
-            Some(x) if x == surface.points[a as usize] => judge(end(a, b)),
-            Some(_) => judge(end(b, a)),
-            None => {
-                let (at_a, at_b) = (end(a, b), end(b, a));
-                let [first, second] = if at_b.0 < at_a.0 { [at_b, at_a] } else { [at_a, at_b] };
-                let best = judge(first);
-                match best {
-                    Some(best) if best.cost <= second.0 => Some(best),
-                    _ => [best, judge(second)].into_iter().flatten().min_by(|x, y| x.cost.total_cmp(&y.cost)),
-                }
-            }
-        }
+        let [stays, goes] = if backwards { [b, a] } else { [a, b] };
+        let (error, area) = errors[usize::from(backwards)];
+        let sweep = Sweep::new(surface, &self.facets, stays, goes);
+        // What is known of the point may be of yesterday; the faces are not.
+        let is_bare = self.metric.is_empty() && !self.ridged[goes as usize];
+        let error = if is_bare { f64::from(sweep.by_old + subject.least()) } else { error };
+        let cost = sweep.cost(error, area) * subject.factor(self.options.curvature_weight);
+        cost.is_finite().then_some(Candidate { cost, position: surface.points[stays as usize] })
     }
 
     /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`, by the square of its length.
@@ -119,6 +113,18 @@ impl Enhanced {
         for &point in at {
             self.ridged[point as usize] = true;
             planes.iter().for_each(|&normal| self.apexes[point as usize].add_plane(normal, each));
+        }
+    }
+
+    /// Brings the quadric of a point up to date.
+    fn take_faces(&mut self, surface: &Surface, point: u32) {
+        let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
+        self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
+        if !self.ridged[point as usize] {
+            return;
+        }
+        for edge in special_edges(surface, point) {
+            self.add_edge(surface, &edge, &[point]);
         }
     }
 
@@ -330,8 +336,8 @@ impl Cost for Enhanced {
         emphasis(sum / count, square, self.options.curvature_weight)
     }
 
-    fn follow_faces(&mut self, merge: &Merge, fan: &Fan) {
-        for (corners, four) in merge.spokes().chunks(LANES).zip(fan.fours()) {
+    fn follow_faces(&mut self, spokes: &[Corner], fan: &Fan) {
+        for (corners, four) in spokes.chunks(LANES).zip(fan.fours()) {
             for (&corner, facet) in corners.iter().zip(four.facets()) {
                 self.facets[Surface::face_of(corner)] = Facet(facet);
             }
@@ -394,7 +400,7 @@ impl Cost for Enhanced {
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {
-        self.update_shape(surface, point);
+        self.take_faces(surface, point);
         if !self.metric.is_empty() {
             let facets = &self.facets;
             self.metric.update(surface, point, |face| facets[face].parts());
@@ -402,13 +408,9 @@ impl Cost for Enhanced {
     }
 
     fn update_shape(&mut self, surface: &Surface, point: u32) {
-        let faces = surface.ring(point).iter().map(|&c| self.facets[Surface::face_of(c)]);
-        self.apexes[point as usize].set_faces(surface.points[point as usize], faces);
-        if !self.ridged[point as usize] {
-            return;
-        }
-        for edge in special_edges(surface, point) {
-            self.add_edge(surface, &edge, &[point]);
+        // Ends are judged by the faces themselves.
+        if !self.at_ends || self.ridged[point as usize] {
+            self.take_faces(surface, point);
         }
     }
 }

@@ -44,16 +44,16 @@ impl Four {
 }
 
 impl Fan {
-    /// Looks at the faces that `merge` leaves, with the joined point at `position`; gives the least quality among them: 4√3 · area / Σ edge², 1 for
-    /// an equilateral triangle, 0 for a degenerate one.
-    pub fn look(&mut self, surface: &Surface, merge: &Merge, position: DVec3) -> Result<f32, Cause> {
+    /// Looks at the faces that `merge` leaves, with the joined point at `position`, from the spoke `first` on; gives the least quality among them:
+    /// 4√3 · area / Σ edge², 1 for an equilateral triangle, 0 for a degenerate one.
+    pub fn look(&mut self, surface: &Surface, merge: &Merge, position: DVec3, first: usize) -> Result<f32, Cause> {
         self.fours.clear();
         let from = |p: u32| (surface.points[p as usize] - position).as_vec3();
         let ends = [merge.kept, merge.gone].map(|end| from(end).to_array().map(f32x4::splat));
         let places = f32x4::from([0.0, 1.0, 2.0, 3.0]);
-        let rims = merge.rims();
+        let rims = &merge.rims()[first..];
         // What fills up the last four belongs to the same end as the last one.
-        let of_kept = if merge.spokes_of_gone().is_empty() { usize::MAX } else { merge.spokes_of_kept().len() };
+        let of_kept = if merge.spokes_of_gone().is_empty() { usize::MAX } else { merge.spokes_of_kept().len() - first };
         let mut worst = f32x4::splat(f32::INFINITY);
         for start in (0..rims.len()).step_by(LANES) {
             // The last four are filled up with copies.
@@ -76,7 +76,7 @@ impl Fan {
         Ok(2.0 * 3f32.sqrt() * least)
     }
 
-    /// What the faces are like, in the order of [`Merge::spokes`]; the last four are filled up with copies.
+    /// What the faces are like, in the order of [`Merge::spokes`] from the first on that was looked at; the last four are filled up with copies.
     pub fn fours(&self) -> &[Four] {
         &self.fours
     }
@@ -122,7 +122,7 @@ mod tests {
             prop_assert_eq!(merge.spokes().len(), heights.len());
             let position = surface.points[0].lerp(surface.points[1], 0.5) + DVec3::from(place.map(f64::from)) * 0.3;
             let mut fan = Fan::default();
-            let found = fan.look(&surface, &merge, position);
+            let found = fan.look(&surface, &merge, position, 0);
             let moved = |&c: &u32| {
                 let [p, q] = surface.opposite(c).map(|p| surface.points[p as usize]);
                 [position, p, q]

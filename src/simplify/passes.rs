@@ -37,8 +37,8 @@ struct Order {
 impl Order {
     fn of(reducer: &Reducer) -> Self {
         let (trust, reorder, kept, attributes_lag) = match (reducer.goes_to_ends(), reducer.effort()) {
-            // Which points stay is all there is to choose.
-            (true, _) => (1.0, 1.3, KEPT, false),
+            // Which points stay is all there is to choose: their attributes are always as they are now.
+            (true, _) => (1.0, 1.3, KEPT, reducer.cost.metric().is_empty()),
             (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 2.0, KEPT, false),
             (_, Effort::Fast) => (1.0, 1.25, KEPT, true),
             (_, Effort::Default) => (0.6, 1.1, 1.0, false),
@@ -190,7 +190,7 @@ impl Workspace {
             }
             let terms = Terms { paid: entry.time != time, most: left + 1, limit: f64::from(most) };
             match reducer.collapse_looked_at(candidate, terms) {
-                Outcome::Done(_) => self.requeue(reducer, a, b),
+                Outcome::Done { kept, gone } => self.requeue(reducer, kept, gone),
                 Outcome::Fined(cost) => self.queue.push(cost as f32, Entry { time: time | PAID, ..entry }),
                 Outcome::Later(cost) => self.queue.push(cost as f32, entry),
                 Outcome::Refused => {}

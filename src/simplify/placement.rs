@@ -33,8 +33,9 @@ const FLAT_ANGLE: f32 = 0.02;
 /// Cost of an edge's length on a flat surface, relative to area · length²: orders the collapses that cost nothing else.
 const LENGTH_COST: f32 = 1e-10;
 
-/// What a collapse to an end costs relative to its error by the old faces: the farthest one counts besides, see `ends`.
-const SWEPT: f32 = 1.3;
+/// What a collapse to an end mostly costs at most, relative to its error by the old faces: the farthest one counts besides, see `ends`. With less, more
+/// come too early and are judged twice.
+const SWEPT: f32 = 2.0;
 
 /// What is known of a point: one cache line.
 ///
@@ -163,13 +164,12 @@ impl Facet {
         (self.normal(), self.0.w)
     }
 
-    pub fn area_vector(self) -> Vec3 {
-        self.normal() * self.0.w
+    pub fn area(self) -> f32 {
+        self.0.w
     }
 
-    /// Area · distance that a point of the face gets from its plane on this way.
-    pub fn volume_along(self, way: Vec3) -> f32 {
-        self.0.w * self.normal().dot(way)
+    pub fn area_vector(self) -> Vec3 {
+        self.normal() * self.0.w
     }
 }
 
@@ -203,7 +203,9 @@ impl Subject<'_> {
 
     /// What it costs that the second end, or the first if `backwards`, goes to the other one, which stays: area · distance².
     pub fn error_of_end(&self, backwards: bool) -> f64 {
-        f64::from(self.error(if backwards { self.edge.as_vec3() } else { Vec3::ZERO }))
+        let edge = self.edge.as_vec3();
+        let goes = self.ends[usize::from(!backwards)];
+        f64::from(goes.value(edge).max(0.0) + self.least())
     }
 
     /// How much an error counts here: more where the surface is curved, and where it bends between the ends.
@@ -256,8 +258,13 @@ impl Subject<'_> {
     /// The quadrics' value, and the least that an edge of this length costs.
     fn error(&self, y: Vec3) -> f32 {
         let [a, b] = self.ends;
-        let edge = self.edge.as_vec3();
-        (a.value(y) + b.value(y - edge)).max(0.0) + LENGTH_COST * (a.weight() + b.weight()) * edge.length_squared()
+        (a.value(y) + b.value(y - self.edge.as_vec3())).max(0.0) + self.least()
+    }
+
+    /// The least that an edge of this length costs.
+    pub fn least(&self) -> f32 {
+        let [a, b] = self.ends;
+        LENGTH_COST * (a.weight() + b.weight()) * self.edge.as_vec3().length_squared()
     }
 }
 

@@ -97,16 +97,16 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         let Some(candidate) = reducer.judge(entry.a, entry.b) else { continue };
         let terms = Terms { paid: entry.paid, most: left + 1, limit: entry.rank.cost() };
         let outcome = reducer.collapse((entry.a, entry.b), candidate, terms);
-        if let Outcome::Done(_) = outcome {
-            touched[entry.a as usize] = true;
-            requeue(&mut queue, reducer, entry.a, entry.b);
+        if let Outcome::Done { kept, gone } = outcome {
+            touched[kept as usize] = true;
+            requeue(&mut queue, reducer, kept, gone);
             continue;
         }
         [entry.a, entry.b].iter().for_each(|&p| queue.waiting[p as usize] = true);
         match outcome {
             Outcome::Fined(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), paid: true, ..entry })),
             Outcome::Later(cost) => queue.heap.push(Reverse(Entry { rank: Rank::of(cost), ..entry })),
-            Outcome::Done(_) | Outcome::Refused => {}
+            Outcome::Done { .. } | Outcome::Refused => {}
         }
     }
 }

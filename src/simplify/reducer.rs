@@ -148,21 +148,14 @@ impl Reducer {
         tasks::for_some(costs, |first, costs| cost.rank(surface, &edges[first..][..costs.len()], locked, costs));
     }
 
-    fn look(&mut self, a: u32, b: u32) {
+    /// [`Self::judge`] of an edge, for [`Self::collapse_looked_at`].
+    pub fn look_and_judge(&mut self, a: u32, b: u32) -> Option<Candidate> {
         if self.to_ends {
             // Judging takes no look, and many have to wait after that.
             (self.merge.kept, self.merge.gone) = (a, b);
-        } else {
-            self.merge.look(&self.surface, a, b);
-        }
-    }
-
-    /// [`Self::judge`] of an edge, for [`Self::collapse_looked_at`].
-    pub fn look_and_judge(&mut self, a: u32, b: u32) -> Option<Candidate> {
-        self.look(a, b);
-        if self.to_ends {
             return self.judge(a, b);
         }
+        self.merge.look(&self.surface, a, b);
         pinned(&self.surface, &self.locked, a, b).and_then(|pin| self.cost.judge_merge(&self.surface, &self.merge, pin))
     }
 
@@ -205,7 +198,7 @@ impl Reducer {
 
     /// Collapses an edge unless a guard refuses.
     pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
-        self.look(a, b);
+        self.merge.look(&self.surface, a, b);
         self.collapse_looked_at(candidate, terms)
     }
 
@@ -216,10 +209,10 @@ impl Reducer {
 
     /// Tries the end that costs less, then the other one, if that may go now.
     fn collapse_to_end(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
-        let (a, b) = (self.merge.kept, self.merge.gone);
-        let cheaper = self.carry_out_at_end(candidate, terms);
+        let [a, b] = [self.merge.kept, self.merge.gone];
+        let cheaper = self.carry_out_at_end([a, b], candidate, terms);
         let fined = match cheaper {
-            Outcome::Done(_) => return cheaper,
+            Outcome::Done { .. } => return cheaper,
             Outcome::Fined(cost) => cost,
             _ => f64::INFINITY,
         };
@@ -227,7 +220,7 @@ impl Reducer {
         let other = if candidate.position == ends[0] { ends[1] } else { ends[0] };
         let free = !self.locked.has(a) && !self.locked.has(b);
         match self.cost.judge(&self.surface, a, b, Some(other)).filter(|_| free) {
-            Some(other) if other.cost <= terms.limit => match self.carry_out_at_end(other, terms) {
+            Some(other) if other.cost <= terms.limit => match self.carry_out_at_end([a, b], other, terms) {
                 Outcome::Fined(cost) => Outcome::Fined(cost.min(fined)),
                 Outcome::Refused => cheaper,
                 done => done,
@@ -238,12 +231,10 @@ impl Reducer {
     }
 
     /// Carries out a collapse to an end, whose wedges stay.
-    fn carry_out_at_end(&mut self, candidate: Candidate, terms: Terms) -> Outcome {
-        let (a, b) = (self.merge.kept, self.merge.gone);
-        self.merge.look(&self.surface, a, b);
-        if candidate.position == self.surface.points[b as usize] {
-            self.merge.turn();
-        }
+    fn carry_out_at_end(&mut self, ends: [u32; 2], candidate: Candidate, terms: Terms) -> Outcome {
+        let [a, b] = ends;
+        let [stays, goes] = if candidate.position == self.surface.points[a as usize] { [a, b] } else { [b, a] };
+        self.merge.look(&self.surface, stays, goes);
         self.carry_out(candidate, terms)
     }
 
@@ -282,21 +273,27 @@ impl Reducer {
             self.border[a as usize] |= self.border[b as usize];
             self.irregular.follow(&self.surface, a, b, terms.paid);
         }
-        self.cost.follow_faces(&self.merge, &self.fan);
+        self.cost.follow_faces(&self.merge.spokes()[self.first_changed()..], &self.fan);
         self.cost.merged(&self.surface, a, b);
         if terms.paid {
             self.cost.broke(&self.surface, a);
         }
-        Outcome::Done(faces)
+        Outcome::Done { kept: a, gone: b }
+    }
+
+    /// The first of the spokes whose faces the collapse changes.
+    fn first_changed(&self) -> usize {
+        if self.to_ends { self.merge.spokes_of_kept().len() } else { 0 }
     }
 
     fn check(&mut self, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+        let first = self.first_changed();
         let merge = &mut self.merge;
         check_remains(merge, terms.paid)?;
         if self.whole_cards && merge.spokes().len() == merge.across.len() {
             return Err(Cause::Vanish);
         }
-        let worst = self.fan.look(&self.surface, merge, candidate.position)?;
+        let worst = self.fan.look(&self.surface, merge, candidate.position, first)?;
         check_needles(&self.surface, merge, worst, self.needles.quality, terms.paid)?;
         if !terms.paid {
             if self.irregular.is_either(merge.kept, merge.gone) {
@@ -330,8 +327,8 @@ pub(crate) struct Terms {
 /// What became of a collapse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Outcome {
-    /// Done; so many faces are gone.
-    Done(usize),
+    /// Done: one of the ends is part of the other now.
+    Done { kept: u32, gone: u32 },
     /// It may happen at this cost, when its turn comes.
     Fined(f64),
     /// It may happen at this cost, when its turn comes, and no fine is in that.

@@ -29,7 +29,7 @@ pub(crate) fn drain(reducer: &mut Reducer, target: usize) {
         let Some(candidate) = reducer.judge(a, b) else { continue };
         let terms = Terms { paid: best.paid, most: left + 1, limit: best.rank.cost() };
         match reducer.collapse((a, b), candidate, terms) {
-            Outcome::Done(_) => queue.follow(reducer, a, b),
+            Outcome::Done { kept, gone } => queue.follow(reducer, kept, gone),
             Outcome::Fined(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost)), true),
             Outcome::Later(cost) => queue.set_back(reducer, point, best.other, Some(Rank::of(cost)), best.paid),
             Outcome::Refused => queue.set_back(reducer, point, best.other, None, false),
