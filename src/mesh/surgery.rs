@@ -72,7 +72,9 @@ impl Merge {
             count += usize::from((rim[0] != kept) & (rim[1] != kept));
         }
         self.count = count;
-        for &(_, across) in &self.across {
+        // Without seams all faces join the same pair.
+        let joining = if surface.has_seams() { &self.across[..] } else { &self.across[..self.across.len().min(1)] };
+        for &(_, across) in joining {
             let (points, wedges) = (surface.opposite(across), surface.opposite_wedges(across));
             let pair = if points[0] == kept { (wedges[0], wedges[1]) } else { (wedges[1], wedges[0]) };
             if !self.pairs.contains(&pair) {

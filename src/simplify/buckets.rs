@@ -158,12 +158,24 @@ impl Buckets {
     }
 }
 
-/// The entries that came later, linked by bucket.
+/// Entries of one bucket, and the chunk that follows: a cache line.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+struct Chunk {
+    entries: [Entry; CHUNK],
+    next: u32,
+}
+
+/// Entries of a chunk. Those of a bucket mostly are of places far apart: one line for several of them.
+const CHUNK: usize = 5;
+
+/// The entries that came later: lists of chunks by bucket, of which only the first may not be full.
 #[derive(Debug)]
 struct Lists {
-    heads: Vec<u32>,
-    entries: Vec<(Entry, u32)>,
-    /// First of the entries that were taken and may be used again.
+    /// For each bucket its first chunk and how many entries that has.
+    heads: Vec<(u32, u32)>,
+    chunks: Vec<Chunk>,
+    /// First of the chunks that were emptied and may be used again.
     free: u32,
     /// Which buckets are not empty, and a word below which all are.
     filled: Vec<u64>,
@@ -173,38 +185,53 @@ struct Lists {
 impl Default for Lists {
     fn default() -> Self {
         let filled = vec![0; BUCKETS / 64];
-        Self { heads: vec![NONE; BUCKETS], entries: Vec::new(), free: NONE, low: filled.len(), filled }
+        Self { heads: vec![(NONE, 0); BUCKETS], chunks: Vec::new(), free: NONE, low: filled.len(), filled }
     }
 }
 
 impl Lists {
     fn clear(&mut self) {
         while let Some(bucket) = Some(self.first()).filter(|b| *b < BUCKETS) {
-            self.heads[bucket] = NONE;
+            self.heads[bucket] = (NONE, 0);
             self.filled[bucket / 64] &= !(1 << (bucket % 64));
         }
-        self.entries.clear();
+        self.chunks.clear();
         self.free = NONE;
     }
 
-    /// Whether one more entry takes more memory.
+    /// Whether the next chunk takes more memory.
     fn is_full(&self) -> bool {
-        self.free == NONE && self.entries.len() == self.entries.capacity()
+        self.free == NONE && self.chunks.len() == self.chunks.capacity()
     }
 
     fn push(&mut self, bucket: usize, entry: Entry) {
-        let link = (entry, self.heads[bucket]);
-        self.heads[bucket] = match self.entries.get_mut(self.free as usize) {
-            Some(slot) => std::mem::replace(&mut self.free, std::mem::replace(slot, link).1),
+        let (at, count) = self.heads[bucket];
+        match self.chunks.get_mut(at as usize).filter(|_| (count as usize) < CHUNK) {
+            Some(chunk) => {
+                chunk.entries[count as usize] = entry;
+                self.heads[bucket].1 = count + 1;
+            }
+            None => self.push_chunk(bucket, Chunk { entries: [entry; CHUNK], next: at }),
+        }
+    }
+
+    fn push_chunk(&mut self, bucket: usize, chunk: Chunk) {
+        let at = match self.chunks.get_mut(self.free as usize) {
+            Some(slot) => {
+                let at = self.free;
+                self.free = std::mem::replace(slot, chunk).next;
+                at
+            }
             None => {
-                if self.entries.len() == self.entries.capacity() {
+                if self.chunks.len() == self.chunks.capacity() {
                     // Doubling would leave half of what is the most memory of all unused.
-                    self.entries.reserve_exact(self.entries.len() / 3 + 256);
+                    self.chunks.reserve_exact(self.chunks.len() / 3 + 64);
                 }
-                self.entries.push(link);
-                self.entries.len() as u32 - 1
+                self.chunks.push(chunk);
+                self.chunks.len() as u32 - 1
             }
         };
+        self.heads[bucket] = (at, 1);
         self.filled[bucket / 64] |= 1 << (bucket % 64);
         self.low = self.low.min(bucket / 64);
     }
@@ -221,11 +248,15 @@ impl Lists {
     }
 
     fn pop(&mut self, bucket: usize) -> Entry {
-        let at = self.heads[bucket];
-        let slot = &mut self.entries[at as usize];
-        let (entry, next) = *slot;
-        slot.1 = std::mem::replace(&mut self.free, at);
-        self.heads[bucket] = next;
+        let (at, count) = self.heads[bucket];
+        let chunk = &mut self.chunks[at as usize];
+        let entry = chunk.entries[count as usize - 1];
+        if count > 1 {
+            self.heads[bucket].1 = count - 1;
+            return entry;
+        }
+        let next = std::mem::replace(&mut chunk.next, std::mem::replace(&mut self.free, at));
+        self.heads[bucket] = if next == NONE { (NONE, 0) } else { (next, CHUNK as u32) };
         if next == NONE {
             self.filled[bucket / 64] &= !(1 << (bucket % 64));
         }

@@ -10,7 +10,7 @@ use super::constraints::{Constraints, Locked, upright_planes};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
 use super::fan::Fan;
-use super::options::{AttributeWeights, Options, Placement};
+use super::options::{AttributeWeights, Effort, Options, Placement};
 use super::placement::{Apex, Estimate, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
@@ -27,6 +27,9 @@ use std::mem::take;
 /// How much more normals and colours count where points stay.
 const NORMALS_AT_ENDS: f32 = 3.5;
 const COLORS_AT_ENDS: f32 = 10.0;
+
+/// How much less curvature counts where the order of collapses is a rough one, and positions are all there is.
+const CURVATURE_IN_HASTE: f32 = 0.5;
 
 /// Variance of the normals around a point from which there is a crease, along which needles are no use.
 const CREASED: f64 = 0.05;
@@ -50,16 +53,22 @@ pub(crate) struct Enhanced {
 impl Enhanced {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
         let curvatures = gauss_curvatures(surface, &border_points(surface.points.len(), edges));
+        let metric = Metric::new(surface, &attribute_weights(options));
+        let at_ends = options.placement == Placement::Subset;
+        let mut options = options.clone();
+        if options.effort == Effort::Fast && !at_ends && metric.is_empty() {
+            options.curvature_weight *= CURVATURE_IN_HASTE;
+        }
         Self {
-            constraints: Constraints::new(options),
+            constraints: Constraints::new(&options),
             room: Room::of(&surface.points),
-            options: options.clone(),
+            options,
             apexes: Vec::new(),
             curvatures: curvatures.into_iter().map(f32::abs).collect(),
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
-            metric: Metric::new(surface, &attribute_weights(options)),
-            at_ends: options.placement == Placement::Subset,
+            metric,
+            at_ends,
         }
     }
 

@@ -39,7 +39,7 @@ impl Order {
         let (trust, reorder, kept, attributes_lag) = match (reducer.goes_to_ends(), reducer.effort()) {
             // Which points stay is all there is to choose: their attributes are always as they are now.
             (true, _) => (1.0, 1.3, KEPT, reducer.cost.metric().is_empty()),
-            (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 2.0, KEPT, false),
+            (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 1.7, KEPT, false),
             (_, Effort::Fast) => (1.0, 1.25, KEPT, true),
             (_, Effort::Default) => (0.6, 1.1, 1.0, false),
             (_, Effort::Best) => (0.4, 1.02, 1.0, false),
