@@ -72,32 +72,38 @@ impl Enhanced {
         }
     }
 
-    /// The end that is cheaper by the old faces, if both are allowed.
+    /// The cheaper of the allowed ends. Without attributes that is mostly the one that is cheaper by the old faces, and only that one is looked at.
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
+        let has_attributes = !self.metric.is_empty();
         let errors = [false, true].map(|backwards| {
             let [stays, goes] = if backwards { [b, a] } else { [a, b] };
             let mut error = subject.error_of_end(backwards);
-            if !self.metric.is_empty() {
+            if has_attributes {
                 let turned = |&(of_a, of_b): &(u32, u32)| if backwards { (of_b, of_a) } else { (of_a, of_b) };
                 let pairs = self.pairs(surface, [a, b]);
                 error += self.metric.deviation_of_end(surface, [stays, goes], pairs.iter().map(turned));
             }
             (error, self.apexes[goes as usize].weight())
         });
-        let backwards = match fixed {
-            Some(x) => x != surface.points[a as usize],
-            // Over the root of the area, squared.
-            None => errors[1].0.powi(2) * f64::from(errors[0].1) < errors[0].0.powi(2) * f64::from(errors[1].1),
+        let judge = |backwards: bool| {
+            let [stays, goes] = if backwards { [b, a] } else { [a, b] };
+            let (error, area) = errors[usize::from(backwards)];
+            let sweep = Sweep::new(surface, &self.facets, stays, goes);
+            // What is known of the point may be of yesterday; the faces are not.
+            let is_bare = !has_attributes && !self.ridged[goes as usize];
+            let error = if is_bare { f64::from(sweep.by_old + subject.least()) } else { error };
+            let cost = sweep.cost(error, area) * subject.factor(self.options.curvature_weight);
+            cost.is_finite().then_some(Candidate { cost, position: surface.points[stays as usize] })
         };
-        let [stays, goes] = if backwards { [b, a] } else { [a, b] };
-        let (error, area) = errors[usize::from(backwards)];
-        let sweep = Sweep::new(surface, &self.facets, stays, goes);
-        // What is known of the point may be of yesterday; the faces are not.
-        let is_bare = self.metric.is_empty() && !self.ridged[goes as usize];
-        let error = if is_bare { f64::from(sweep.by_old + subject.least()) } else { error };
-        let cost = sweep.cost(error, area) * subject.factor(self.options.curvature_weight);
-        cost.is_finite().then_some(Candidate { cost, position: surface.points[stays as usize] })
+        match fixed {
+            Some(x) => judge(x != surface.points[a as usize]),
+            None if has_attributes => {
+                [false, true].into_iter().filter_map(judge).min_by(|x, y| x.cost.total_cmp(&y.cost))
+            }
+            // Over the root of the area, squared.
+            None => judge(errors[1].0.powi(2) * f64::from(errors[0].1) < errors[0].0.powi(2) * f64::from(errors[1].1)),
+        }
     }
 
     /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`, by the square of its length.
