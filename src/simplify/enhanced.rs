@@ -76,12 +76,12 @@ impl Enhanced {
     fn judge_ends(&self, surface: &Surface, a: u32, b: u32, fixed: Option<DVec3>) -> Option<Candidate> {
         let subject = self.subject(surface, [a, b], None);
         let has_attributes = !self.metric.is_empty();
+        let pairs = self.pairs(surface, [a, b]);
         let errors = [false, true].map(|backwards| {
             let [stays, goes] = if backwards { [b, a] } else { [a, b] };
             let mut error = subject.error_of_end(backwards);
             if has_attributes {
                 let turned = |&(of_a, of_b): &(u32, u32)| if backwards { (of_b, of_a) } else { (of_a, of_b) };
-                let pairs = self.pairs(surface, [a, b]);
                 error += self.metric.deviation_of_end(surface, [stays, goes], pairs.iter().map(turned));
             }
             (error, self.apexes[goes as usize].weight())

@@ -148,14 +148,21 @@ impl Reducer {
         tasks::for_some(costs, |first, costs| cost.rank(surface, &edges[first..][..costs.len()], locked, costs));
     }
 
+    fn look(&mut self, a: u32, b: u32) {
+        if self.to_ends {
+            // Which end stays is not known yet: that is looked at when it is carried out.
+            (self.merge.kept, self.merge.gone) = (a, b);
+        } else {
+            self.merge.look(&self.surface, a, b);
+        }
+    }
+
     /// [`Self::judge`] of an edge, for [`Self::collapse_looked_at`].
     pub fn look_and_judge(&mut self, a: u32, b: u32) -> Option<Candidate> {
+        self.look(a, b);
         if self.to_ends {
-            // Judging takes no look, and many have to wait after that.
-            (self.merge.kept, self.merge.gone) = (a, b);
             return self.judge(a, b);
         }
-        self.merge.look(&self.surface, a, b);
         pinned(&self.surface, &self.locked, a, b).and_then(|pin| self.cost.judge_merge(&self.surface, &self.merge, pin))
     }
 
@@ -198,7 +205,7 @@ impl Reducer {
 
     /// Collapses an edge unless a guard refuses.
     pub fn collapse(&mut self, (a, b): (u32, u32), candidate: Candidate, terms: Terms) -> Outcome {
-        self.merge.look(&self.surface, a, b);
+        self.look(a, b);
         self.collapse_looked_at(candidate, terms)
     }
 

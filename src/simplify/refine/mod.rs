@@ -88,11 +88,16 @@ const NEW_PEAK: f32 = 0.9;
 impl Budget {
     fn of(effort: Effort) -> Self {
         match effort {
-            Effort::Best => {
-                let (inside, samples) = (4.0, 16.0);
-                let (rounds, exchanges, promise, scales) = (2, 1, 0.01, 2);
-                Self { inside, samples, rounds, exchanges, promise, scales, peaks: 0.025, looks_between: true }
-            }
+            Effort::Best => Self {
+                inside: 4.0,
+                samples: 16.0,
+                rounds: 2,
+                exchanges: 1,
+                promise: 0.01,
+                scales: 2,
+                peaks: 0.025,
+                looks_between: true,
+            },
             _ => Self {
                 inside: 0.5,
                 samples: 4.0,

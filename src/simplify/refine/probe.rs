@@ -118,6 +118,7 @@ impl Level<'_> {
             step.add(p.foot.point - p.place, p.lever, self.prices.slope(p.area, p.foot.distance_squared));
         }
     }
+
     /// Looks at a face: its samples, corners, centre and the middles of the edges that the other face leaves to it, and between these.
     pub fn find_spots(&self, face: usize) -> Spots {
         let triangle = self.triangle(face);
