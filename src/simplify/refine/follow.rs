@@ -106,7 +106,7 @@ fn search_far_ones(surface: &Surface, source: &Source, anchors: &mut [u32], list
     let nearest = NearestFace::new(&faces, triangle);
     for s in far {
         let x = source.samples[s].position;
-        let foot = nearest.find(x, Foot { distance_squared: lists.squared[s], point: x, face: found[s] }, triangle);
+        let foot = nearest.find(x, Foot { distance_squared: lists.squared[s], point: x, face: found[s] });
         (lists.squared[s], found[s]) = (foot.distance_squared, foot.face);
         anchors[s] = surface.face(foot.face as usize)[weightiest_corner(triangle(foot.face), x)];
     }

@@ -82,6 +82,8 @@ struct Budget {
 const FEWEST_SAMPLES: usize = 6;
 /// Samples a face below which one round is all that pays.
 const ENOUGH_SAMPLES: usize = 12;
+/// Samples a face that are enough to judge a level by.
+const MOST_JUDGES: usize = 12;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
 const NEW_PEAK: f32 = 0.9;
 
@@ -139,6 +141,8 @@ impl Refiner {
     /// How far the samples that are held out are from the surface.
     fn judge(&mut self, surface: &Surface) -> Distance {
         let judges = self.source.judges();
+        let enough = MOST_JUDGES * surface.face_count().max(1);
+        let judges = judges.clone().step_by((judges.len() / enough).max(1));
         follow::assign(surface, &self.source, &mut self.anchors, judges.clone(), &mut self.lists, &mut self.patch);
         let (mut squares, mut count, mut worst) = (0.0f64, 0usize, 0.0f32);
         for squared in judges.map(|s| self.lists.squared[s]).filter(|squared| squared.is_finite()) {

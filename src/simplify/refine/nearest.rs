@@ -1,79 +1,115 @@
-//! The closest point of many triangles: boxes around runs of them along a curve through space, and around runs of boxes.
+//! The closest point of many triangles: four at a time along a curve through space, in boxes that are four to a box in turn.
 
-use super::source::{Foot, closest_point, order_in_space};
-use glam::{Vec3, Vec3A};
+use super::plane::Planes;
+use super::source::{Foot, order_in_space};
+use crate::lanes::{Vec3x4, dot, gather, minus};
+use glam::Vec3;
+use smallvec::SmallVec;
+use wide::f32x4;
 
 /// Triangles or boxes in a box.
-const RUN: usize = 8;
+const LANES: usize = 4;
 
-/// Lower and upper corner.
-type Bounds = [Vec3A; 2];
-
-/// Boxes only: the triangles stay where they are, and must be asked for as they were.
 #[derive(Debug)]
 pub(super) struct NearestFace {
-    /// Around runs of triangles, then around runs of the boxes before.
-    levels: Vec<Vec<Bounds>>,
-    /// The faces along the curve.
+    /// Around the boxes of the level before, the first around triangles.
+    levels: Vec<Vec<Boxes>>,
+    /// The triangles along the curve, and which faces they are.
+    triangles: Planes,
     order: Vec<u32>,
 }
+
+/// Four boxes side by side; those that are none hold nothing.
+#[derive(Debug, Clone, Copy)]
+struct Boxes {
+    low: Vec3x4,
+    high: Vec3x4,
+}
+
+/// What is still to be looked at: four triangles below box number `index` of level 0, or four boxes below one of the others.
+type Postponed = (f32, usize, usize);
 
 impl NearestFace {
     pub fn new(faces: &[u32], triangle: impl Fn(u32) -> [Vec3; 3]) -> Self {
         let centres = faces.iter().map(|&f| triangle(f).into_iter().sum::<Vec3>() / 3.0);
         let order: Vec<u32> = order_in_space(centres).into_iter().map(|i| faces[i as usize]).collect();
-        let boxes: Vec<Bounds> = order.iter().map(|&f| bounds(triangle(f))).collect();
-        let mut levels = vec![join_runs(&boxes)];
-        while let Some(last) = levels.last().filter(|boxes| boxes.len() > RUN) {
-            levels.push(join_runs(last));
+        let corners: Vec<[Vec3; 3]> = order.iter().map(|&f| triangle(f)).collect();
+        let mut triangles = Planes::default();
+        triangles.fill(&corners);
+        let mut bounds: Vec<[Vec3; 2]> = corners.chunks(LANES).map(|run| enclose(run.as_flattened())).collect();
+        let mut levels = Vec::new();
+        while !bounds.is_empty() {
+            levels.push(bounds.chunks(LANES).map(Boxes::new).collect());
+            let is_last = bounds.len() <= LANES;
+            bounds = bounds.chunks(LANES).map(|run| enclose(run.as_flattened())).collect();
+            if is_last {
+                break;
+            }
         }
-        Self { levels, order }
+        Self { levels, triangles, order }
     }
 
     /// The closest point of all triangles, if it is nearer than `known`.
-    pub fn find(&self, x: Vec3, known: Foot, triangle: impl Fn(u32) -> [Vec3; 3]) -> Foot {
-        let (mut best, top) = (known, self.levels.len() - 1);
-        for run in 0..self.levels[top].len() {
-            self.descend(top, run, x, &triangle, &mut best);
+    pub fn find(&self, x: Vec3, known: Foot) -> Foot {
+        let (mut best, at) = (known, x.to_array().map(f32x4::splat));
+        let mut waiting: SmallVec<[Postponed; 64]> = SmallVec::new();
+        waiting.extend((!self.levels.is_empty()).then_some((0.0, self.levels.len(), 0)));
+        while let Some((squared, level, index)) = waiting.pop() {
+            if squared >= best.distance_squared {
+                continue;
+            }
+            if level == 0 {
+                self.look_at(index, at, &mut best);
+                continue;
+            }
+            let squared = self.levels[level - 1][index].distance(at);
+            let nearest = lowest(squared);
+            for lane in (0..LANES).filter(|&lane| lane != nearest).chain([nearest]) {
+                if squared[lane] < best.distance_squared {
+                    waiting.push((squared[lane], level - 1, LANES * index + lane));
+                }
+            }
         }
         best
     }
 
-    fn descend(&self, level: usize, run: usize, x: Vec3, triangle: &impl Fn(u32) -> [Vec3; 3], best: &mut Foot) {
-        let [low, high] = self.levels[level][run];
-        let outside = (low - Vec3A::from(x)).max(Vec3A::from(x) - high).max(Vec3A::ZERO);
-        if outside.length_squared() >= best.distance_squared {
-            return;
-        }
-        let below = if level == 0 { self.order.len() } else { self.levels[level - 1].len() };
-        for k in run * RUN..((run + 1) * RUN).min(below) {
-            if level > 0 {
-                self.descend(level - 1, k, x, triangle, best);
-                continue;
-            }
-            let face = self.order[k];
-            let (point, ..) = closest_point(triangle(face), x);
-            let distance_squared = point.distance_squared(x);
-            if distance_squared < best.distance_squared {
-                *best = Foot { distance_squared, point, face };
-            }
+    fn look_at(&self, index: usize, at: Vec3x4, best: &mut Foot) {
+        let four = self.triangles.four(index);
+        let (places, squared) = four.approach(at);
+        if squared.simd_lt(f32x4::splat(best.distance_squared)).any() {
+            let lane = lowest(squared.to_array());
+            let face = self.order[(LANES * index + lane).min(self.order.len() - 1)];
+            *best = Foot { distance_squared: squared.as_array()[lane], point: four.point(places, lane), face };
         }
     }
 }
 
-fn bounds([a, b, c]: [Vec3; 3]) -> Bounds {
-    [a.min(b).min(c).into(), a.max(b).max(c).into()]
+impl Boxes {
+    fn new(boxes: &[[Vec3; 2]]) -> Self {
+        let corner =
+            |k: usize, none: Vec3| gather(std::array::from_fn(|lane| boxes.get(lane).map_or(none, |bounds| bounds[k])));
+        Self { low: corner(0, Vec3::INFINITY), high: corner(1, Vec3::NEG_INFINITY) }
+    }
+
+    /// Squared distances to the boxes.
+    fn distance(&self, at: Vec3x4) -> [f32; LANES] {
+        let (below, above) = (minus(self.low, at), minus(at, self.high));
+        let outside: Vec3x4 = std::array::from_fn(|k| below[k].fast_max(above[k]).fast_max(f32x4::ZERO));
+        dot(outside, outside).to_array()
+    }
 }
 
-fn join_runs(boxes: &[Bounds]) -> Vec<Bounds> {
-    let join = |run: &[Bounds]| {
-        run.iter().fold([Vec3A::INFINITY, Vec3A::NEG_INFINITY], |[l, h], b| [l.min(b[0]), h.max(b[1])])
-    };
-    boxes.chunks(RUN).map(join).collect()
+fn lowest(numbers: [f32; LANES]) -> usize {
+    (1..LANES).fold(0, |best, lane| if numbers[lane] < numbers[best] { lane } else { best })
+}
+
+fn enclose(points: &[Vec3]) -> [Vec3; 2] {
+    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::source::closest_point;
     use super::*;
     use proptest::prelude::*;
 
@@ -86,9 +122,11 @@ mod tests {
             let triangles: Vec<[Vec3; 3]> = corners.into_iter().map(|t| t.map(Vec3::from)).collect();
             let (x, triangle) = (Vec3::from(x), |f: u32| triangles[f as usize]);
             let none = Foot { distance_squared: f32::INFINITY, point: x, face: u32::MAX };
-            let found = NearestFace::new(&(0..triangles.len() as u32).collect::<Vec<_>>(), triangle).find(x, none, triangle);
+            let found = NearestFace::new(&(0..triangles.len() as u32).collect::<Vec<_>>(), triangle).find(x, none);
             let to = |t: &[Vec3; 3]| closest_point(*t, x).0.distance_squared(x);
-            prop_assert_eq!(found.distance_squared, triangles.iter().map(to).fold(f32::INFINITY, f32::min));
+            let nearest = triangles.iter().map(to).fold(f32::INFINITY, f32::min);
+            prop_assert!(triangles.is_empty() || (found.distance_squared - nearest).abs() < 1e-5, "{found:?} {nearest}");
+            prop_assert!(triangles.is_empty() || (to(&triangles[found.face as usize]) - nearest).abs() < 1e-5);
         }
     }
 }

@@ -14,13 +14,21 @@ pub(super) struct Planes {
     count: usize,
 }
 
-/// Frames: the first corner is the origin, the first edge the x axis.
+/// Four triangles, one a lane.
 #[derive(Debug, Clone, Copy)]
 struct Four {
-    origin: Vec3x4,
-    along: Vec3x4,
-    across: Vec3x4,
-    normal: Vec3x4,
+    frames: Plane,
+    /// 4√3 · area / Σ edge², see [`Prices::of_shapes`]; large in copies.
+    quality: f32x4,
+}
+
+/// The frames of four triangles, or of one four times: the first corner is the origin, the first edge the x axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plane {
+    pub origin: Vec3x4,
+    pub along: Vec3x4,
+    pub across: Vec3x4,
+    pub normal: Vec3x4,
     /// Length of the first edge; place of the third corner.
     length: f32x4,
     apex: [f32x4; 2],
@@ -29,22 +37,6 @@ struct Four {
     /// Weight of the first corner: 1 + falls · place.
     falls: [f32x4; 2],
     /// Mask: triangles with an area.
-    solid: f32x4,
-    /// 4√3 · area / Σ edge², see [`Prices::of_shapes`]; large in copies.
-    quality: f32x4,
-}
-
-/// One of the triangles, each number four times.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Plane {
-    pub origin: Vec3x4,
-    pub along: Vec3x4,
-    pub across: Vec3x4,
-    pub normal: Vec3x4,
-    length: f32x4,
-    apex: [f32x4; 2],
-    inverse: [f32x4; 2],
-    falls: [f32x4; 2],
     solid: f32x4,
 }
 
@@ -64,7 +56,7 @@ impl Planes {
             let at = |lane: usize| (start + lane).min(triangles.len() - 1);
             let corner = |k: usize| gather(std::array::from_fn(|lane| triangles[at(lane)][k]));
             let mut four = Four::new(corner(0), corner(1), corner(2));
-            if !four.solid.all() {
+            if !four.frames.solid.all() {
                 four.mend(|lane| triangles[at(lane)]);
             }
             for copy in triangles.len() - start..LANES {
@@ -80,7 +72,7 @@ impl Planes {
 
     #[inline(always)]
     pub fn get(&self, index: usize) -> Plane {
-        let (four, lane) = (&self.fours[index / LANES], index % LANES);
+        let (four, lane) = (&self.fours[index / LANES].frames, index % LANES);
         let number = |v: &f32x4| f32x4::splat(v.as_array()[lane]);
         let vector = |v: &Vec3x4| [number(&v[0]), number(&v[1]), number(&v[2])];
         Plane {
@@ -96,10 +88,17 @@ impl Planes {
         }
     }
 
+    /// Four triangles side by side: those from 4 · `index` on.
+    #[inline(always)]
+    pub fn four(&self, index: usize) -> &Plane {
+        &self.fours[index].frames
+    }
+
     /// The least cosine between the normals of these triangles and the `others`, one by one; -1 if one of them has no area.
     pub fn least_cosine(&self, others: &Self) -> f32 {
         let mut least = f32x4::ONE;
         for (a, b) in self.fours.iter().zip(&others.fours) {
+            let (a, b) = (&a.frames, &b.frames);
             let cosine = dot(a.normal, b.normal);
             least = least.fast_min((a.solid & b.solid).bitselect(cosine, -f32x4::ONE));
         }
@@ -125,7 +124,7 @@ impl Four {
         let (along, normal) = (ab.map(|x| x * unit), normal.map(|x| x * flat));
         let (x, y) = (dot(ac, along), double_area * unit);
         let edges = squares[0] + squares[1] + squares[2];
-        Self {
+        let frames = Plane {
             origin: a,
             along,
             across: cross(normal, along),
@@ -135,14 +134,15 @@ impl Four {
             inverse: [over(f32x4::ONE, squares[2]), over(f32x4::ONE, squares[1])],
             falls: [-unit, (x - length) * flat],
             solid,
-            quality: over(f32x4::splat(2.0 * 3f32.sqrt()) * double_area, edges),
-        }
+        };
+        Self { frames, quality: over(f32x4::splat(2.0 * 3f32.sqrt()) * double_area, edges) }
     }
 
     /// Gives triangles without an area, which are edges or points, a frame along them.
     fn mend(&mut self, triangle: impl Fn(usize) -> [Vec3; 3]) {
+        let frames = &mut self.frames;
         for lane in 0..LANES {
-            if self.solid.as_array()[lane].to_bits() != 0 {
+            if frames.solid.as_array()[lane].to_bits() != 0 {
                 continue;
             }
             let [a, b, c] = triangle(lane);
@@ -153,14 +153,14 @@ impl Four {
             let inverse = |length: f32| if length * length > 0.0 { 1.0 / (length * length) } else { 0.0 };
             let set = |four: &mut f32x4, value: f32| four.as_mut_array()[lane] = value;
             let set_vector = |four: &mut Vec3x4, v: Vec3| (0..3).for_each(|i| set(&mut four[i], v[i]));
-            set_vector(&mut self.along, along);
-            set_vector(&mut self.across, normal.cross(along));
-            set_vector(&mut self.normal, normal);
-            set(&mut self.length, length);
-            set(&mut self.apex[0], x);
-            set(&mut self.apex[1], 0.0);
-            set(&mut self.inverse[0], inverse(x - length));
-            set(&mut self.inverse[1], inverse(x));
+            set_vector(&mut frames.along, along);
+            set_vector(&mut frames.across, normal.cross(along));
+            set_vector(&mut frames.normal, normal);
+            set(&mut frames.length, length);
+            set(&mut frames.apex[0], x);
+            set(&mut frames.apex[1], 0.0);
+            set(&mut frames.inverse[0], inverse(x - length));
+            set(&mut frames.inverse[1], inverse(x));
         }
     }
 }
@@ -189,6 +189,13 @@ impl Plane {
         let inside = self.solid & y.simd_ge(f32x4::ZERO) & (ex * y).simd_ge(cy * bx) & (cx * y).simd_le(cy * x);
         let places = Places { x: inside.bitselect(x, px), y: inside.bitselect(y, py) };
         (places, height * height + (d & !inside))
+    }
+
+    /// Where a place lies in space, by its lane.
+    pub fn point(&self, places: Places, lane: usize) -> Vec3 {
+        let number = |v: f32x4| v.as_array()[lane];
+        let vector = |v: &Vec3x4| Vec3::from_array(v.map(number));
+        vector(&self.origin) + vector(&self.along) * number(places.x) + vector(&self.across) * number(places.y)
     }
 
     /// The first corner's share at these places.

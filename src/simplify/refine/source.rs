@@ -125,7 +125,7 @@ impl Source {
 
     /// The closest of all points, if it is nearer than `known`.
     pub fn search(&self, x: Vec3, known: Foot) -> Foot {
-        self.nearest.find(x, known, |f| self.triangle(f))
+        self.nearest.find(x, known)
     }
 
     fn improve(&self, x: Vec3, face: u32, best: &mut Foot, feature: &mut Feature) {
