@@ -64,6 +64,8 @@ struct Budget {
     inside: f32,
     /// Samples a face of the level at most, beyond the vertices.
     samples: f32,
+    /// Vertices a face of the level at most.
+    vertices: usize,
     /// Rounds: a sweep over all edges and points, then the worst spots; after the last one more sweep.
     rounds: usize,
     /// Rounds in which points go from where they are least needed to where they are missed most.
@@ -93,6 +95,7 @@ impl Budget {
             Effort::Best => Self {
                 inside: 4.0,
                 samples: 16.0,
+                vertices: 64,
                 rounds: 2,
                 exchanges: 1,
                 promise: 0.01,
@@ -103,6 +106,7 @@ impl Budget {
             _ => Self {
                 inside: 0.5,
                 samples: 4.0,
+                vertices: 8,
                 rounds: 1,
                 exchanges: 0,
                 promise: 0.02,
@@ -162,7 +166,7 @@ impl Refiner {
         let is_fine = !self.has_samples(surface.face_count(), ENOUGH_SAMPLES);
         let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
         let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
-        let chosen = self.source.choose(wanted);
+        let chosen = self.source.choose(wanted, self.budget.vertices * surface.face_count());
         follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
         let mut level = Level {
             surface,

@@ -64,13 +64,14 @@ impl Source {
         Self { points, faces, starts, around, samples, vertices: vertices.len(), held_out, nearest, room }
     }
 
-    /// The samples for a level: all vertices, and as many of the others as give `wanted`, but half as many at least: vertices do not tell of what
-    /// lies between them.
-    pub fn choose(&self, wanted: usize) -> impl Iterator<Item = usize> + use<> {
+    /// The samples for a level: the vertices, evenly thinned out to not much more than `most`, and as many of the others as give `wanted`, but half as
+    /// many at least: vertices do not tell of what lies between them.
+    pub fn choose(&self, wanted: usize, most: usize) -> impl Iterator<Item = usize> + use<> {
         let (vertices, all) = (self.vertices, self.held_out);
+        let thinning = (vertices / most.max(1)).max(1);
         let others = wanted.saturating_sub(vertices).max(wanted / 2);
         let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
-        (0..vertices).chain((vertices..all).step_by(stride))
+        (0..vertices).step_by(thinning).chain((vertices..all).step_by(stride))
     }
 
     /// The samples that no move knows.
@@ -302,8 +303,9 @@ mod tests {
         let inside = &source.samples[source.vertices..];
         let on_last = inside.iter().filter(|s| s.face == last).count() as f32 / inside.len() as f32;
         assert!((on_last / (area(last) / whole) - 1.0).abs() < 0.1, "{on_last}");
-        let all: Vec<usize> = source.choose(faces as usize).collect();
+        let all: Vec<usize> = source.choose(faces as usize, usize::MAX).collect();
         assert!(all.len() >= faces as usize && (0..source.vertices).all(|v| all[v] == v));
+        assert!(source.choose(faces as usize, 10).filter(|&s| s < source.vertices).count() < 20);
     }
 
     #[test]
