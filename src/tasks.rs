@@ -21,6 +21,15 @@ pub(crate) fn for_each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + 
     for_some(items, |first, items| items.iter_mut().enumerate().for_each(|(i, item)| work(first + i, item)));
 }
 
+/// Does two things, together where there is as much to each of them as so many items.
+pub(crate) fn join<A: Send, B: Send>(
+    items: usize,
+    first: impl FnOnce() -> A + Send,
+    second: impl FnOnce() -> B + Send,
+) -> (A, B) {
+    if items < MANY { (first(), second()) } else { rayon::join(first, second) }
+}
+
 /// What `make` gives for 0 to `count`.
 pub(crate) fn collect<T: Send + Clone + Default>(count: usize, make: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let mut items = vec![T::default(); count];

@@ -7,6 +7,9 @@ use super::surface::Surface;
 use crate::tasks;
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Most bits of a cell's place along an axis.
 const MOST_BITS: u32 = 6;
@@ -20,7 +23,6 @@ pub(crate) struct Region {
     pub inner: usize,
     /// The wedge of each point; empty if they have the same numbers.
     pub(super) wedges: Vec<u32>,
-    faces: Vec<u32>,
 }
 
 impl Region {
@@ -40,50 +42,107 @@ pub(crate) fn cut(surface: &mut Surface, count: usize) -> Vec<(Region, Surface)>
 fn copy_parts(surface: &Surface, count: usize) -> (Vec<Region>, Vec<Surface>) {
     let region_of = assign_points(surface, count);
     let of = |p: u32| region_of[p as usize];
-    let mut regions: Vec<Region> = (0..count).map(|_| Region::default()).collect();
-    let mut on_rim = vec![false; surface.points.len()];
-    for f in surface.live_faces() {
-        let face = surface.face(f);
-        let [a, b, c] = face.map(of);
-        // The rim is one point wide: the last region has the faces between two.
-        let region = a.max(b).max(c);
-        regions[region as usize].faces.push(f as u32);
-        for p in face {
-            on_rim[p as usize] |= of(p) != region;
+    // The rim is one point wide: the last region has the faces between two.
+    let region_of_face = tasks::collect(surface.face_slots(), |f| match surface.is_live(f) {
+        true => surface.face(f).map(of).into_iter().fold(0, u16::max),
+        false => NONE,
+    });
+    let region_inside = tasks::collect(surface.points.len(), |p| {
+        let (region, ring) = (region_of[p], surface.ring(p as u32));
+        let is_inner =
+            ring.iter().fold(!ring.is_empty(), |is, &c| is & (region_of_face[Surface::face_of(c)] == region));
+        if is_inner { region } else { NONE }
+    });
+    drop(region_of);
+    let (faces, inner) = rayon::join(|| Sorted::new(&region_of_face, count), || Sorted::new(&region_inside, count));
+    drop(region_of_face);
+    let is_on_rim = |p: u32| region_inside[p as usize] == NONE;
+    // Of the inner points: only the task of a region knows of its own.
+    let numbers: Vec<AtomicU32> = surface.points.iter().map(|_| AtomicU32::default()).collect();
+    let part = |region: usize| {
+        for (p, number) in inner.of(region).zip(0..) {
+            numbers[p as usize].store(number, Relaxed);
         }
-    }
-    let mut numbers = vec![0; surface.points.len()];
-    for p in (0..surface.points.len() as u32).filter(|&p| !on_rim[p as usize] && !surface.ring(p).is_empty()) {
-        let points = &mut regions[of(p) as usize].points;
-        numbers[p as usize] = points.len() as u32;
-        points.push(p);
-    }
-    let parts = regions.par_iter_mut().map(|region| {
-        region.inner = region.points.len();
-        let corners = region.faces.iter().flat_map(|&f| surface.face(f as usize));
-        let mut rim: Vec<u32> = corners.filter(|&p| on_rim[p as usize]).collect();
+        let corners = faces.of(region).flat_map(|f| surface.face(f as usize));
+        let mut rim: Vec<u32> = corners.filter(|p| is_on_rim(*p)).collect();
         rim.sort_unstable();
         rim.dedup();
-        let number = |p: u32| match on_rim[p as usize] {
-            true => region.inner as u32 + rim.partition_point(|&q| q < p) as u32,
-            false => numbers[p as usize],
+        let count = inner.count(region);
+        let number = |p: u32| match is_on_rim(p) {
+            true => (count + rim.partition_point(|&q| q < p)) as u32,
+            false => numbers[p as usize].load(Relaxed),
         };
-        let faces = region.faces.iter().map(|&f| surface.face(f as usize).map(number)).collect();
-        region.faces = Vec::new();
-        region.points.extend_from_slice(&rim);
-        region.wedges = surface.wedges_of(&region.points);
-        surface.part(region, faces)
-    });
-    let parts = parts.collect();
-    (regions, parts)
+        let mut new_faces = Vec::with_capacity(faces.count(region));
+        new_faces.extend(faces.of(region).map(|f| surface.face(f as usize).map(number)));
+        let mut points = Vec::with_capacity(count + rim.len());
+        points.extend(inner.of(region).chain(rim));
+        let wedges = surface.wedges_of(&points);
+        let region = Region { points, inner: count, wedges };
+        let part = surface.part(&region, new_faces);
+        (region, part)
+    };
+    (0..count).into_par_iter().map(part).unzip()
+}
+
+/// The region of what belongs to none.
+const NONE: u16 = u16::MAX;
+
+/// What belongs to each region, in order.
+struct Sorted(Vec<Chunk>);
+
+/// Some of it, sorted by region: first to last, then what belongs to none.
+struct Chunk {
+    items: Vec<u32>,
+    /// Where each region begins, and the last one ends.
+    starts: Vec<u32>,
+}
+
+impl Sorted {
+    fn new(region_of: &[u16], count: usize) -> Self {
+        const CHUNK: usize = 1 << 16;
+        let chunks = region_of.par_chunks(CHUNK).enumerate();
+        Self(chunks.map(|(chunk, regions)| Chunk::new(regions, (chunk * CHUNK) as u32, count)).collect())
+    }
+
+    fn of(&self, region: usize) -> impl Iterator<Item = u32> {
+        self.0.iter().flat_map(move |chunk| chunk.of(region)).copied()
+    }
+
+    fn count(&self, region: usize) -> usize {
+        self.0.iter().map(|chunk| chunk.of(region).len()).sum()
+    }
+}
+
+impl Chunk {
+    /// Of items from `first` on.
+    fn new(region_of: &[u16], first: u32, count: usize) -> Self {
+        let place = |region: &u16| usize::from(*region).min(count);
+        let mut starts = vec![0; count + 2];
+        region_of.iter().for_each(|region| starts[place(region) + 1] += 1);
+        (1..starts.len()).for_each(|region| starts[region] += starts[region - 1]);
+        starts.pop();
+        let (mut next, mut items) = (starts.clone(), vec![0; region_of.len()]);
+        for (region, item) in region_of.iter().zip(first..) {
+            let next = &mut next[place(region)];
+            items[*next as usize] = item;
+            *next += 1;
+        }
+        Self { items, starts }
+    }
+
+    fn of(&self, region: usize) -> &[u32] {
+        &self.items[self.starts[region] as usize..self.starts[region + 1] as usize]
+    }
 }
 
 /// The region of each point.
 fn assign_points(surface: &Surface, count: usize) -> Vec<u16> {
     let points = &surface.points;
-    let used = || (0..points.len()).filter(|&p| !surface.ring(p as u32).is_empty());
-    let bounds = |(low, high): (DVec3, DVec3), p: usize| (low.min(points[p]), high.max(points[p]));
-    let (low, high) = used().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), bounds);
+    let is_used = |p: &usize| !surface.ring(*p as u32).is_empty();
+    let nowhere = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let bounds = |(low, high): (DVec3, DVec3), (other_low, other_high)| (low.min(other_low), high.max(other_high));
+    let used = (0..points.len()).into_par_iter().with_min_len(1 << 14).filter(is_used);
+    let (low, high) = used.map(|p| (points[p], points[p])).reduce(|| nowhere, bounds);
     // A surface meets about as many cells as it has points for every sixteenth of them.
     let bits = ((points.len() as f64).log2() / 2.0 - 2.0).clamp(2.0, f64::from(MOST_BITS)) as u32;
     let scale = f64::from(1 << bits) * (1.0 - 1e-9) / (high - low).max_element().max(f64::MIN_POSITIVE);
@@ -95,28 +154,23 @@ fn assign_points(surface: &Surface, count: usize) -> Vec<u16> {
     };
     let cells_of = tasks::collect(points.len(), |p| cell_of(points[p]));
     let mut counts = vec![0u32; 1 << (3 * bits)];
-    used().for_each(|p| counts[cells_of[p] as usize] += 1);
-    let place = |cell: usize| {
-        let cell = cell as u32;
-        UVec3::new(cell >> (2 * bits), cell >> bits & mask, cell & mask)
-    };
-    let mut cells: Vec<Cell> = (0..counts.len())
-        .filter(|&cell| counts[cell] > 0)
-        .map(|cell| Cell { index: cell, at: place(cell).to_array(), points: counts[cell] })
-        .collect();
+    cells_of.iter().enumerate().for_each(|(p, cell)| counts[*cell as usize] += u32::from(is_used(&p)));
+    let place = |cell: u32| [cell >> (2 * bits), cell >> bits & mask, cell & mask];
+    let cells = counts.iter().zip(0..).filter(|(points, _)| **points > 0);
+    let cells = cells.map(|(&points, index)| Cell { index, at: place(index), points }).collect();
     let mut region_of = counts;
-    assign_cells(&mut cells, 0..count, &mut |cell, region| region_of[cell] = region as u32);
-    cells_of.into_iter().map(|cell| region_of[cell as usize] as u16).collect()
+    assign_cells(cells, 0..count, &mut |cell, region| region_of[cell as usize] = region as u32);
+    tasks::collect(points.len(), |p| region_of[cells_of[p] as usize] as u16)
 }
 
 struct Cell {
-    index: usize,
+    index: u32,
     at: [u32; 3],
     points: u32,
 }
 
-/// Halves the cells across their longest side, again and again.
-fn assign_cells(cells: &mut [Cell], regions: std::ops::Range<usize>, assign: &mut impl FnMut(usize, usize)) {
+/// Halves the cells, which are in order, across their longest side, again and again.
+fn assign_cells(cells: Vec<Cell>, regions: Range<usize>, assign: &mut impl FnMut(u32, usize)) {
     if regions.len() <= 1 {
         cells.iter().for_each(|cell| assign(cell.index, regions.start));
         return;
@@ -126,15 +180,24 @@ fn assign_cells(cells: &mut [Cell], regions: std::ops::Range<usize>, assign: &mu
         along().max().unwrap_or(0) - along().min().unwrap_or(0)
     };
     let axis = (0..3).max_by_key(extent).unwrap_or(0);
-    cells.sort_unstable_by_key(|cell| (cell.at[axis], cell.index));
     let half = regions.len() / 2;
-    let all: usize = cells.iter().map(|cell| cell.points as usize).sum();
+    let mut slabs = [0; 1 << MOST_BITS];
+    cells.iter().for_each(|cell| slabs[cell.at[axis] as usize] += cell.points as usize);
+    let all: usize = slabs.iter().sum();
+    let is_less = |points: usize| points * regions.len() < all * half;
+    // The slab that the middle is in is taken apart, too.
     let (mut before, mut middle) = (0, 0);
-    while middle < cells.len() && before * regions.len() < all * half {
-        before += cells[middle].points as usize;
+    while is_less(before + slabs[middle]) {
+        before += slabs[middle];
         middle += 1;
     }
-    let (first, second) = cells.split_at_mut(middle);
+    let is_first = |cell: &Cell| {
+        let is_in_middle = cell.at[axis] as usize == middle;
+        let is_first = (cell.at[axis] as usize) < middle || (is_in_middle && is_less(before));
+        before += if is_in_middle && is_first { cell.points as usize } else { 0 };
+        is_first
+    };
+    let (first, second): (Vec<Cell>, Vec<Cell>) = cells.into_iter().partition(is_first);
     assign_cells(first, regions.start..regions.start + half, assign);
     assign_cells(second, regions.start + half..regions.end, assign);
 }
@@ -158,9 +221,8 @@ mod tests {
             }
             let rim = region.points.len() - region.inner;
             assert!(rim * 3 < region.points.len(), "{rim} of {} points on the rim", region.points.len());
-            surface.append(part, region, before.points.len());
         }
-        surface.close();
+        surface.join(parts.iter().map(|(region, part)| (region, part.clone())), before.points.len());
         assert!(surface.points == before.points);
         let faces = |surface: &Surface| {
             let mut faces: Vec<_> = surface.live_faces().map(|f| surface.face(f)).collect();

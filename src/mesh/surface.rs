@@ -9,6 +9,7 @@ use super::regions::Region;
 use super::surgery::{Merge, holds};
 use super::wedges::Wedges;
 use super::weld::weld;
+use crate::tasks;
 use glam::{DVec3, Vec3};
 use smallvec::SmallVec;
 use std::hint::select_unpredictable;
@@ -196,7 +197,8 @@ impl Surface {
     pub fn with_irregular(mesh: &Mesh) -> (Self, Irregular) {
         let welded = weld(mesh);
         let frame = Frame::of(mesh, &welded.point_vertex);
-        let points: Vec<DVec3> = welded.point_vertex.iter().map(|&v| frame.enter(mesh.positions[v as usize])).collect();
+        let vertices = &welded.point_vertex;
+        let points = tasks::collect(vertices.len(), |p| frame.enter(mesh.positions[vertices[p] as usize]));
         // Both are numbered by their first vertices.
         let is_single = welded.wedge_vertex.len() == welded.point_vertex.len();
         let mut faces = Vec::with_capacity(mesh.triangles.len());
@@ -466,8 +468,15 @@ impl Surface {
         self.live = 0;
     }
 
-    /// Takes the faces of a [part](Self::part) and where its points are, of the `count` there are in all. [`Self::close`] has to follow.
-    pub fn append(&mut self, part: &Self, region: &Region, count: usize) {
+    /// Takes the faces of [parts](Self::part) and where their points are, of the `count` there are in all.
+    pub fn join<'a>(&mut self, parts: impl Iterator<Item = (&'a Region, Self)>, count: usize) {
+        self.points.resize(count, DVec3::ZERO);
+        parts.for_each(|(region, part)| self.append(&part, region));
+        self.live = self.faces.len();
+        self.rings.rebuild(self.points.len(), &self.faces);
+    }
+
+    fn append(&mut self, part: &Self, region: &Region) {
         let (points, wedges) = (&region.points, region.wedges());
         let tells_apart = !region.wedges.is_empty() || !part.corners.is_empty();
         if tells_apart {
@@ -478,19 +487,12 @@ impl Surface {
             self.corners.extend(part.live_faces().map(|f| corners[f].map(|w| wedges[w as usize])));
         }
         self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| points[p as usize])));
-        self.points.resize(count, DVec3::ZERO);
         points.iter().zip(&part.points).for_each(|(&p, &position)| self.points[p as usize] = position);
         for (&point, &heir) in points.iter().zip(&part.heirs) {
             if points[heir as usize] != point {
                 self.heirs[point as usize] = points[heir as usize];
             }
         }
-    }
-
-    /// Finds the rings of faces that were [appended](Self::append).
-    pub fn close(&mut self) {
-        self.live = self.faces.len();
-        self.rings.rebuild(self.points.len(), &self.faces);
     }
 
     /// Leaves the first of several faces with the same wedges in the same cyclic order; gives whether there were any.
@@ -517,7 +519,7 @@ impl Surface {
     /// The surface as plain arrays: only used vertices, in the order in which triangles first use them.
     pub fn to_mesh(&self) -> Mesh {
         let (mut mesh, order) = self.number_vertices();
-        mesh.positions = order.iter().map(|v| self.frame.leave(self.points[v.point as usize])).collect();
+        mesh.positions = tasks::collect(order.len(), |v| self.frame.leave(self.points[order[v].point as usize]));
         let wedges: Vec<u32> = order.into_iter().map(|v| v.wedge).collect();
         self.wedges.write(&wedges, &mut mesh);
         mesh

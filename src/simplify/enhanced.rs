@@ -20,6 +20,7 @@ use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::{Merge, Pairs, pair_wedges};
 use crate::tasks;
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use smallvec::SmallVec;
 use std::any::Any;
 use std::mem::take;
@@ -394,18 +395,19 @@ impl Cost for Enhanced {
 
     fn split(&mut self, parts: &[(Region, Surface)]) -> Vec<Box<dyn Cost>> {
         self.drop_apexes();
+        let this = &*self;
         let part = |(region, _): &(Region, Surface)| -> Box<dyn Cost> {
             Box::new(Self {
-                options: self.options.clone(),
+                options: this.options.clone(),
                 apexes: Vec::new(),
-                curvatures: region.points.iter().map(|&p| self.curvatures[p as usize]).collect(),
+                curvatures: region.points.iter().map(|&p| this.curvatures[p as usize]).collect(),
                 ridged: vec![false; region.points.len()],
                 facets: Vec::new(),
                 metric: Metric::default(),
-                ..*self
+                ..*this
             })
         };
-        parts.iter().map(part).collect()
+        parts.par_iter().map(part).collect()
     }
 
     fn join(&mut self, part: Box<dyn Cost>, points: &[u32]) {

@@ -56,7 +56,8 @@ impl Reducer {
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
         let (surface, irregular) = Surface::with_irregular(mesh);
         let mut edges = Vec::new();
-        recollect_edges(&surface, &irregular, &mut edges);
+        let find_edges = || recollect_edges(&surface, &irregular, &mut edges);
+        let (has_pieces, ()) = tasks::join(surface.face_count(), || are_there_pieces(&surface), find_edges);
         let constraints = Constraints::new(options);
         let cost: Box<dyn Cost> = match options.algorithm {
             Algorithm::Esqem(Mode::Enhanced) => Box::new(Enhanced::new(&surface, &edges, options)),
@@ -82,7 +83,7 @@ impl Reducer {
             locked: constraints.lock_points(points, &edges),
             border: border_points(points, &edges),
             irregular,
-            has_pieces: are_there_pieces(&surface),
+            has_pieces,
             edges,
             surface,
             solution: Solution::default(),

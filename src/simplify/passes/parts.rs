@@ -15,9 +15,9 @@ const LEAST: usize = 96 * 1024;
 /// Most faces of a part.
 const MOST: usize = 24 * 1024;
 /// Share of the faces that have to go at least.
-const LEAST_SHARE: f64 = 0.1;
+const LEAST_SHARE: f64 = 0.2;
 /// How far from their goal the parts end, as a share of the way: the rest is the whole surface's.
-const SLACK: f64 = 0.04;
+const SLACK: f64 = 0.02;
 /// Some parts go ahead, so that the others come by once or twice only: so many at least, and one of so many.
 const SAMPLES: usize = 2;
 const SAMPLE: usize = 8;
@@ -41,7 +41,7 @@ pub(super) fn is_worthwhile(reducer: &Reducer, target: usize, least: usize) -> b
 pub(super) fn reduce(reducer: &mut Reducer, target: usize) -> bool {
     let faces = reducer.surface.face_count();
     let gone = Gone::of(&reducer.pieces());
-    let count = faces.div_ceil(MOST).next_power_of_two().max(2);
+    let count = faces.div_ceil(MOST).max(2);
     let mut parts: Vec<Part> = reducer.split(count).into_par_iter().map(Part::new).collect();
     let rim: usize = parts.iter().map(Part::rim_faces).sum();
     // The rim will have its share gone, too.

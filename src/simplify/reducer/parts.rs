@@ -50,16 +50,22 @@ impl Reducer {
 
     /// Puts the surface together again.
     pub fn join(&mut self, parts: Vec<(Region, Self)>) {
-        for (region, part) in parts {
-            self.surface.append(&part.surface, &region, self.border.len());
-            for (p, &point) in region.points.iter().enumerate() {
-                self.border[point as usize] |= part.border[p];
+        let count = self.border.len();
+        let take_apart = |(region, part): (Region, Self)| {
+            let Self { surface, cost, border, locked, irregular, refusals, .. } = part;
+            (region, (surface, (cost, border, locked, irregular, refusals)))
+        };
+        let (regions, (surfaces, others)): (Vec<_>, (Vec<_>, Vec<_>)) = parts.into_iter().map(take_apart).unzip();
+        let surfaces = || self.surface.join(regions.iter().zip(surfaces), count);
+        let others = || {
+            for (Region { points, .. }, (cost, border, locked, irregular, refusals)) in regions.iter().zip(others) {
+                points.iter().zip(border).for_each(|(&p, is)| self.border[p as usize] |= is);
+                self.locked.merge(&locked, points);
+                self.irregular.merge(&irregular, points);
+                self.refusals.add(refusals);
+                self.cost.join(cost, points);
             }
-            self.locked.merge(&part.locked, &region.points);
-            self.irregular.merge(&part.irregular, &region.points);
-            self.refusals.add(part.refusals);
-            self.cost.join(part.cost, &region.points);
-        }
-        self.surface.close();
+        };
+        rayon::join(surfaces, others);
     }
 }
