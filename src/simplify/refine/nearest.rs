@@ -1,6 +1,7 @@
 //! The closest point of many triangles: boxes around runs of them along a curve through space, and around runs of boxes.
 
-use super::source::{Foot, closest_point, order_in_space};
+use super::source::{Foot, closest_point};
+use crate::mesh::order::order_in_space;
 use glam::{Vec3, Vec3A};
 
 /// Triangles or boxes in a box.
