@@ -16,7 +16,12 @@ pub(crate) struct Edge {
 
 impl Edge {
     fn between(surface: &Surface, a: u32, b: u32, sides: &[Side]) -> Self {
-        Self { a, b, kind: classify(surface, sides) }
+        let kind = match *sides {
+            [_] => EdgeKind::BORDER,
+            [first, second] => classify(surface, [first, second]),
+            _ => EdgeKind::COMPLEX,
+        };
+        Self { a, b, kind }
     }
 }
 
@@ -53,7 +58,9 @@ impl EdgeKind {
 }
 
 /// A corner at the first point of an edge, in a face of that edge; `forward` if the face runs from the first point to the second.
-type Side = (Corner, bool);
+pub(crate) type Side = (Corner, bool);
+/// Those of all faces of an edge.
+pub(crate) type Sides = SmallVec<[Side; 8]>;
 
 /// All edges, in the order of faces, those between irregular points last.
 pub(crate) fn collect_edges(surface: &Surface) -> Vec<Edge> {
@@ -81,8 +88,13 @@ impl Irregular {
     pub fn follow(&mut self, surface: &Surface, kept: u32, gone: u32, breaking: bool) {
         self.0[kept as usize] |= self.0[gone as usize] | breaking;
         if breaking {
-            surface.neighbours(kept).iter().for_each(|&p| self.0[p as usize] = true);
+            surface.around(kept).for_each(|p| self.0[p as usize] = true);
         }
+    }
+
+    /// Looks again at the points that were irregular.
+    pub fn review(&mut self, surface: &Surface) {
+        tasks::for_each(&mut self.0, |point, is| *is = *is && !is_regular(surface, point as u32));
     }
 
     /// What is known of some points.
@@ -126,22 +138,21 @@ fn is_regular(surface: &Surface, point: u32) -> bool {
 
 /// Whether the points after the corners of a ring, eight times `N` at most, are all different, and the same as those before them.
 fn is_closed<const N: usize>(surface: &Surface, ring: &[Corner]) -> bool {
-    // Filled up with a name that no point has.
-    let (mut after, mut before) = ([[u32::MAX; 8]; N], [[u32::MAX; 8]; N]);
-    let links = after.as_flattened_mut().iter_mut().zip(before.as_flattened_mut());
-    for (&corner, (after, before)) in ring.iter().zip(links) {
-        [*after, *before] = surface.opposite(corner);
-    }
+    let Links { after, before } = Links::<N>::new(surface, ring);
     let after = after.map(u32x8::new);
     // Each point before has its place among those after, and one only.
     let (mut seen, mut is_once) = (0u32, true);
     for &p in &before.as_flattened()[..ring.len()] {
-        let places =
-            after.iter().rev().fold(0, |places, eight| places << 8 | eight.simd_eq(u32x8::splat(p)).to_bitmask());
+        let places = places_of(p, &after);
         seen |= places;
         is_once &= places & places.wrapping_sub(1) == 0;
     }
     is_once && seen.count_ones() as usize == ring.len()
+}
+
+/// Where `point` is among `points`: a bit for each place.
+fn places_of<const N: usize>(point: u32, points: &[u32x8; N]) -> u32 {
+    points.iter().rev().fold(0, |places, eight| places << 8 | eight.simd_eq(u32x8::splat(point)).to_bitmask())
 }
 
 /// All edges into `edges`, in the order of faces, those between irregular points last.
@@ -168,11 +179,8 @@ pub(crate) fn recollect_edges(surface: &Surface, irregular: &Irregular, edges: &
         edges.reserve_exact(chunks.iter().map(Vec::len).sum());
         chunks.iter().for_each(|chunk| edges.extend_from_slice(chunk));
     }
-    let mut fan = Fan::default();
     for a in irregular.points() {
-        let ring = surface.ring(a);
-        fan.fill(surface, ring);
-        fan.gather(surface, a, ring, edges, |b| b > a && irregular.0[b as usize]);
+        edges_at(surface, a, |b| b > a && irregular.0[b as usize], |edge, _| edges.push(edge));
     }
 }
 
@@ -194,117 +202,131 @@ fn regular_edges(surface: &Surface, irregular: &Irregular, faces: std::ops::Rang
 }
 
 /// The points after and before each corner of a ring.
-#[derive(Debug, Default)]
 struct Fan {
-    links: SmallVec<[[u32; 2]; 24]>,
+    links: Vec<[u32; 2]>,
 }
 
 impl Fan {
-    fn fill(&mut self, surface: &Surface, ring: &[Corner]) {
-        self.links.clear();
-        self.links.extend(ring.iter().map(|&corner| surface.opposite(corner)));
+    fn new(surface: &Surface, ring: &[Corner]) -> Self {
+        Self { links: ring.iter().map(|&corner| surface.opposite(corner)).collect() }
     }
 
-    /// Appends the edges from `a` to the points that are `wanted`, whatever they are like.
-    fn gather(&self, surface: &Surface, a: u32, ring: &[Corner], edges: &mut Vec<Edge>, wanted: impl Fn(u32) -> bool) {
+    /// [`edges_at`] `a`.
+    fn give_edges(
+        &self,
+        surface: &Surface,
+        a: u32,
+        ring: &[Corner],
+        wanted: impl Fn(u32) -> bool,
+        mut give: impl FnMut(Edge, &[Side]),
+    ) {
         let links = || self.links.iter().flatten().copied();
         for (i, b) in links().enumerate().filter(|(_, b)| wanted(*b)) {
             if links().take(i).all(|other| other != b) {
-                edges.push(Edge::between(surface, a, b, &self.sides(ring, b)));
+                let sides = self.sides(ring, b);
+                give(Edge::between(surface, a, b, &sides), &sides);
             }
         }
     }
 
     /// The corners whose faces have the edge to `b`.
-    fn sides(&self, ring: &[Corner], b: u32) -> SmallVec<[Side; 4]> {
+    fn sides(&self, ring: &[Corner], b: u32) -> Sides {
         let on_edge = ring.iter().zip(&self.links).filter(|(_, link)| link.contains(&b));
         on_edge.map(|(&corner, link)| (corner, link[0] == b)).collect()
     }
 }
 
+/// The sides of the edge between `a` and `b`, at `a`.
+pub(crate) fn sides_of(surface: &Surface, a: u32, b: u32) -> Sides {
+    let links = surface.ring(a).iter().map(|&corner| (corner, surface.opposite(corner)));
+    links.filter(|(_, link)| link.contains(&b)).map(|(corner, link)| (corner, link[0] == b)).collect()
+}
+
 /// The edge between `a` and `b`; `None` if no face has both.
 pub(crate) fn find_edge(surface: &Surface, a: u32, b: u32) -> Option<Edge> {
-    let mut fan = Fan::default();
-    fan.fill(surface, surface.ring(a));
-    let sides = fan.sides(surface.ring(a), b);
+    let sides = sides_of(surface, a, b);
     (!sides.is_empty()).then(|| Edge::between(surface, a, b, &sides))
 }
 
-/// The edges at `point` that are not plain.
-pub(crate) fn special_edges(surface: &Surface, point: u32) -> SmallVec<[Edge; 4]> {
-    let ring = surface.ring(point);
-    let mut found = SmallVec::new();
-    match ring.len() {
-        0..=8 => Links::<8>::new(surface, ring).find_special(surface, point, ring, &mut found),
-        9..=32 => Links::<32>::new(surface, ring).find_special(surface, point, ring, &mut found),
-        _ => {
-            let mut fan = Fan::default();
-            fan.fill(surface, ring);
-            let mut edges = Vec::new();
-            fan.gather(surface, point, ring, &mut edges, |_| true);
-            found.extend(edges.into_iter().filter(|edge| !edge.kind.is_plain()));
+/// Gives the edges at `point` that are not plain, with their sides there.
+pub(crate) fn special_edges(surface: &Surface, point: u32, mut give: impl FnMut(&Edge, &[Side])) {
+    let give_special = |edge: Edge, sides: &[Side]| {
+        if !edge.kind.is_plain() {
+            give(&edge, sides);
         }
-    }
-    found
+    };
+    edges_at(surface, point, |_| true, give_special);
 }
 
-/// The points after and before the corners of a ring, `N` at most.
+/// Gives the edges from `point` to the points that are `wanted`, with their sides if they are not plain.
+fn edges_at(surface: &Surface, point: u32, wanted: impl Fn(u32) -> bool, give: impl FnMut(Edge, &[Side])) {
+    let ring = surface.ring(point);
+    match ring.len() {
+        0..=8 => Links::<1>::new(surface, ring).give_edges(surface, point, ring, wanted, give),
+        9..=16 => Links::<2>::new(surface, ring).give_edges(surface, point, ring, wanted, give),
+        17..=32 => Links::<4>::new(surface, ring).give_edges(surface, point, ring, wanted, give),
+        _ => Fan::new(surface, ring).give_edges(surface, point, ring, wanted, give),
+    }
+}
+
+/// The points after and before the corners of a ring, eight times `N` at most.
 struct Links<const N: usize> {
-    after: [u32; N],
-    before: [u32; N],
+    after: [[u32; 8]; N],
+    before: [[u32; 8]; N],
 }
 
 impl<const N: usize> Links<N> {
     #[inline]
     fn new(surface: &Surface, ring: &[Corner]) -> Self {
-        // Filled up with names that no point has.
-        let mut links = Self { after: [u32::MAX; N], before: [u32::MAX - 1; N] };
-        for ((&corner, after), before) in ring.iter().zip(&mut links.after).zip(&mut links.before) {
+        // Filled up with a name that no point has.
+        let mut links = Self { after: [[u32::MAX; 8]; N], before: [[u32::MAX; 8]; N] };
+        let places = links.after.as_flattened_mut().iter_mut().zip(links.before.as_flattened_mut());
+        for (&corner, (after, before)) in ring.iter().zip(places) {
             [*after, *before] = surface.opposite(corner);
         }
         links
     }
 
-    /// Appends the edges from `point`, whose ring this is, that are not plain.
-    fn find_special(&self, surface: &Surface, point: u32, ring: &[Corner], found: &mut SmallVec<[Edge; 4]>) {
-        let count = |points: &[u32; N], p: u32| points.iter().map(|&q| u32::from(q == p)).sum::<u32>();
-        let mut partners = 0;
-        for (i, (&corner, &p)) in ring.iter().zip(&self.after).enumerate() {
-            let (own, others) = (count(&self.after, p), count(&self.before, p));
-            let edge = if own == 1 && others == 1 {
-                partners += 1;
-                let partner = self.before.iter().zip(0..).map(|(&q, j)| if q == p { j } else { 0 }).sum::<usize>();
-                let is_fold = self.after[partner] == self.before[i];
-                if !is_fold && !parts_wedges(surface, corner, ring[partner]) {
-                    continue;
+    /// [`edges_at`] `point`, whose ring this is.
+    fn give_edges(
+        &self,
+        surface: &Surface,
+        point: u32,
+        ring: &[Corner],
+        wanted: impl Fn(u32) -> bool,
+        mut give: impl FnMut(Edge, &[Side]),
+    ) {
+        let [after, before] = [self.after, self.before].map(|points| points.map(u32x8::new));
+        let [firsts, lasts] = [&self.after, &self.before].map(|points| &points.as_flattened()[..ring.len()]);
+        let below = |i: usize| (1u32 << i) - 1;
+        let mut give_edge = |b: u32, forward: u32, backward: u32| {
+            if forward.is_power_of_two() && backward.is_power_of_two() {
+                let [i, j] = [forward, backward].map(|place| place.trailing_zeros() as usize);
+                if firsts[j] != lasts[i] && !parts_wedges(surface, ring[i], ring[j]) {
+                    return give(Edge { a: point, b, kind: EdgeKind::default() }, &[]);
                 }
-                Edge::between(surface, point, p, &[(corner, true), (ring[partner], false)])
-            } else if self.after[..i].contains(&p) {
-                continue;
-            } else {
-                self.look_at(surface, point, p, ring)
-            };
-            if !edge.kind.is_plain() {
-                found.push(edge);
+            }
+            let mut sides = Sides::new();
+            let mut places = forward | backward;
+            while places != 0 {
+                let place = places.trailing_zeros();
+                sides.push((ring[place as usize], forward >> place & 1 != 0));
+                places &= places - 1;
+            }
+            give(Edge::between(surface, point, b, &sides), &sides);
+        };
+        for (i, &p) in firsts.iter().enumerate().filter(|(_, p)| wanted(**p)) {
+            let forward = places_of(p, &after);
+            if forward & below(i) == 0 {
+                give_edge(p, forward, places_of(p, &before));
             }
         }
-        if partners == ring.len() {
-            return;
-        }
-        for (i, &p) in self.before.iter().enumerate().take(ring.len()) {
-            if !self.after.contains(&p) && !self.before[..i].contains(&p) {
-                found.push(self.look_at(surface, point, p, ring));
+        for (i, &p) in lasts.iter().enumerate().filter(|(_, p)| wanted(**p)) {
+            let backward = places_of(p, &before);
+            if backward & below(i) == 0 && places_of(p, &after) == 0 {
+                give_edge(p, 0, backward);
             }
         }
-    }
-
-    /// The edge to `p`.
-    #[cold]
-    fn look_at(&self, surface: &Surface, point: u32, p: u32, ring: &[Corner]) -> Edge {
-        let corners = ring.iter().zip(self.after.iter().zip(&self.before));
-        let on_edge = corners.filter(|&(_, (&after, &before))| after == p || before == p);
-        let sides: SmallVec<[Side; 4]> = on_edge.map(|(&corner, (&after, _))| (corner, after == p)).collect();
-        Edge::between(surface, point, p, &sides)
     }
 }
 
@@ -319,11 +341,9 @@ pub(crate) fn edge_kind(surface: &Surface, a: u32, b: u32) -> Option<EdgeKind> {
     find_edge(surface, a, b).map(|edge| edge.kind)
 }
 
+/// The properties of an edge of two faces.
 #[inline]
-fn classify(surface: &Surface, sides: &[Side]) -> EdgeKind {
-    let &[first, second] = sides else {
-        return if sides.len() == 1 { EdgeKind::BORDER } else { EdgeKind::COMPLEX };
-    };
+fn classify(surface: &Surface, [first, second]: [Side; 2]) -> EdgeKind {
     let mut kind = EdgeKind::default();
     if first.1 == second.1 {
         kind = kind.with(EdgeKind::COMPLEX);

@@ -3,6 +3,7 @@
 //! Knows nothing of glTF, files or presets.
 
 pub(crate) mod edges;
+pub(crate) mod order;
 mod pose;
 pub(crate) mod regions;
 pub(crate) mod surface;

@@ -5,6 +5,7 @@
 
 use super::Mesh;
 use super::edges::Irregular;
+use super::order;
 use super::regions::Region;
 use super::surgery::{Merge, holds};
 use super::wedges::Wedges;
@@ -190,15 +191,16 @@ fn others_of([a, b, c]: [u32; 3], corner: Corner) -> [u32; 2] {
 impl Surface {
     /// Welds `mesh`, which must be valid. Triangles with two corners at one point, and exact copies of a triangle, are left out.
     pub fn new(mesh: &Mesh) -> Self {
-        Self::with_irregular(mesh).0
+        Self::with_irregular(mesh, false).0
     }
 
-    /// [`Self::new`], and which of its points are irregular.
-    pub fn with_irregular(mesh: &Mesh) -> (Self, Irregular) {
-        let welded = weld(mesh);
+    /// [`Self::new`], and which of its points are irregular. If it `may_sort`, and the faces come in an order that [jumps](order::jumps), points and faces
+    /// are sorted by space.
+    pub fn with_irregular(mesh: &Mesh, may_sort: bool) -> (Self, Irregular) {
+        let mut welded = weld(mesh);
         let frame = Frame::of(mesh, &welded.point_vertex);
         let vertices = &welded.point_vertex;
-        let points = tasks::collect(vertices.len(), |p| frame.enter(mesh.positions[vertices[p] as usize]));
+        let mut points = tasks::collect(vertices.len(), |p| frame.enter(mesh.positions[vertices[p] as usize]));
         // Both are numbered by their first vertices.
         let is_single = welded.wedge_vertex.len() == welded.point_vertex.len();
         let mut faces = Vec::with_capacity(mesh.triangles.len());
@@ -210,6 +212,12 @@ impl Surface {
                 if !is_single {
                     corners.push(triangle.map(|v| welded.wedge_of[v as usize]));
                 }
+            }
+        }
+        if may_sort && order::jumps(&faces) {
+            let in_space = sort_by_space(&mut points, &mut faces, &mut corners);
+            if is_single {
+                welded.wedge_vertex = order::pick(&welded.wedge_vertex, &in_space);
             }
         }
         let wedges = Wedges::new(mesh, &welded.wedge_vertex);
@@ -294,6 +302,11 @@ impl Surface {
             }
         }
         found
+    }
+
+    /// The points that share a face with `point`, most of them twice.
+    pub fn around(&self, point: u32) -> impl Iterator<Item = u32> {
+        self.ring(point).iter().flat_map(|&corner| self.opposite(corner))
     }
 
     /// Face of a corner.
@@ -572,6 +585,21 @@ impl Surface {
         live.truncate(count);
         live
     }
+}
+
+/// Sorts points by space, and faces, with what is at their corners, by points; gives which points were where the sorted ones are.
+fn sort_by_space(points: &mut Vec<DVec3>, faces: &mut Vec<[u32; 3]>, corners: &mut Vec<[u32; 3]>) -> Vec<u32> {
+    let in_space = order::order_roughly_in_space(points.iter().map(|p| p.as_vec3()));
+    *points = order::pick(points, &in_space);
+    let mut number = vec![0; points.len()];
+    in_space.iter().zip(0..).for_each(|(&p, new)| number[p as usize] = new);
+    faces.iter_mut().for_each(|face| *face = face.map(|p| number[p as usize]));
+    let places = order::places_by_point(faces, points.len());
+    *faces = order::put(faces, &places);
+    if !corners.is_empty() {
+        *corners = order::put(corners, &places);
+    }
+    in_space
 }
 
 /// What becomes a vertex of a plain mesh.

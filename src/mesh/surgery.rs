@@ -175,11 +175,6 @@ impl Merge {
         &self.spokes()[self.from_gone..]
     }
 
-    /// Corners at either end, those of the edge's own faces once (at `kept`).
-    pub fn corners<'a>(&'a self, surface: &'a Surface) -> impl Iterator<Item = Corner> + 'a {
-        surface.ring(self.kept).iter().chain(self.spokes_of_gone()).copied()
-    }
-
     /// Does it; the joined point moves to `position`. Wedge values are the caller's business.
     pub fn apply(&self, surface: &mut Surface, position: DVec3) {
         surface.collapse(self, position);

@@ -17,11 +17,10 @@ const SEAM_WEIGHT_AT_ENDS: f64 = 1.5;
 const MATERIAL_WEIGHT: f64 = 0.5;
 
 /// Cosine of the angle by which a face may bend away from one that it continues.
-const CONTINUES: f64 = 0.5;
+pub(super) const CONTINUES: f64 = 0.5;
 
 /// Normals of the planes that stand on an edge, one for each of its faces, perpendicular to it. With two sides of different normals both
-/// count: a fold keeps its outline whatever side is seen. Where many faces meet, those that go on beyond the edge have no outline there: sheets
-/// with two sides, a floor on which a wall stands.
+/// count: a fold keeps its outline whatever side is seen. Where many faces meet, some [have no outline](keep_outlines).
 pub(crate) fn upright_planes(surface: &Surface, edge: &Edge) -> SmallVec<[DVec3; 2]> {
     let [a, b] = [edge.a, edge.b].map(|p| surface.points[p as usize]);
     // Points into the face.
@@ -33,10 +32,19 @@ pub(crate) fn upright_planes(surface: &Surface, edge: &Edge) -> SmallVec<[DVec3;
     let on_edge = surface.ring(edge.a).iter().filter(|&&c| surface.opposite(c).contains(&edge.b));
     let mut planes: SmallVec<[DVec3; 2]> = on_edge.map(upright).filter(|n| *n != DVec3::ZERO).collect();
     if edge.kind.has(EdgeKind::COMPLEX) {
-        let all = planes.clone();
-        planes.retain(|n| all.iter().all(|m| m.dot(*n) > -CONTINUES));
+        keep_outlines(&mut planes, |m, n| m.dot(n) > -CONTINUES);
     }
     planes
+}
+
+/// Drops the planes of faces that go on beyond an edge: of sheets with two sides, of a floor on which a wall stands. `parts`: whether a face is no such
+/// continuation of another.
+pub(super) fn keep_outlines<T: Copy, const N: usize>(planes: &mut SmallVec<[T; N]>, parts: impl Fn(T, T) -> bool)
+where
+    [T; N]: smallvec::Array<Item = T>,
+{
+    let all = planes.clone();
+    planes.retain(|n| all.iter().all(|m| parts(*m, *n)));
 }
 
 /// The policies of a run.

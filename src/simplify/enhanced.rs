@@ -6,7 +6,7 @@
 //!
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
-use super::constraints::{Constraints, Locked, upright_planes};
+use super::constraints::{CONTINUES, Constraints, Locked, keep_outlines};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
 use super::fan::Fan;
@@ -14,7 +14,7 @@ use super::options::{AttributeWeights, Effort, Options, Placement};
 use super::placement::{Apex, Estimate, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
 use crate::curvature::{border_points, gauss_curvatures};
-use crate::mesh::edges::{Edge, EdgeKind, special_edges};
+use crate::mesh::edges::{Edge, EdgeKind, Side, sides_of, special_edges};
 use crate::mesh::regions::Region;
 use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::{Merge, Pairs, pair_wedges};
@@ -107,23 +107,22 @@ impl Enhanced {
         }
     }
 
-    /// Adds the planes through an edge, perpendicular to its faces, to the quadrics of the points `at`, by the square of its length.
-    fn add_edge(&mut self, surface: &Surface, edge: &Edge, at: &[u32]) {
+    /// Adds the planes through an edge with these sides, perpendicular to its faces, to the quadrics of the points `at`, by the square of its length.
+    fn add_edge(&mut self, surface: &Surface, edge: &Edge, sides: &[Side], at: &[u32]) {
         let weight = self.constraints.weight(edge.kind);
         if weight == 0.0 {
             return;
         }
         let along = (surface.points[edge.b as usize] - surface.points[edge.a as usize]).as_vec3();
-        let mut planes: SmallVec<[Vec3; 2]> = SmallVec::new();
-        if edge.kind.has(EdgeKind::COMPLEX) {
-            planes.extend(upright_planes(surface, edge).iter().map(|normal| normal.as_vec3() * along.length()));
-        } else {
-            for &corner in surface.ring(edge.a) {
-                if surface.opposite(corner).contains(&edge.b) {
-                    planes.push(self.facets[Surface::face_of(corner)].normal().cross(along));
-                }
+        let mut planes: SmallVec<[Vec3; 4]> = SmallVec::new();
+        for &(corner, is_forward) in sides {
+            let plane = self.facets[Surface::face_of(corner)].normal().cross(if is_forward { along } else { -along });
+            if plane != Vec3::ZERO {
+                planes.push(plane);
             }
-            planes.retain(|normal| *normal != Vec3::ZERO);
+        }
+        if edge.kind.has(EdgeKind::COMPLEX) {
+            keep_outlines(&mut planes, |m, n| m.dot(n) > -CONTINUES as f32 * along.length_squared());
         }
         let each = weight as f32 / planes.len().max(1) as f32;
         for &point in at {
@@ -139,9 +138,7 @@ impl Enhanced {
         if !self.ridged[point as usize] {
             return;
         }
-        for edge in special_edges(surface, point) {
-            self.add_edge(surface, &edge, &[point]);
-        }
+        special_edges(surface, point, |edge, sides| self.add_edge(surface, edge, sides, &[point]));
     }
 
     fn subject<'a>(&'a self, surface: &Surface, [a, b]: [u32; 2], pin: Option<f64>) -> Subject<'a> {
@@ -266,7 +263,7 @@ impl Cost for Enhanced {
         });
         self.ridged.fill(false);
         for edge in edges.iter().filter(|e| !e.kind.is_plain()) {
-            self.add_edge(surface, edge, &[edge.a, edge.b]);
+            self.add_edge(surface, edge, &sides_of(surface, edge.a, edge.b), &[edge.a, edge.b]);
         }
         let facets = &self.facets;
         self.metric.refresh(surface, |face| facets[face].parts());
@@ -372,7 +369,7 @@ impl Cost for Enhanced {
 
     fn broke(&mut self, surface: &Surface, kept: u32) {
         self.ridged[kept as usize] = true;
-        surface.neighbours(kept).iter().for_each(|&p| self.ridged[p as usize] = true);
+        surface.around(kept).for_each(|p| self.ridged[p as usize] = true);
     }
 
     fn grow(&mut self, surface: &Surface) {

@@ -2,7 +2,7 @@
 
 use super::guard::Cause;
 use crate::lanes::{Vec3x4, cross, dot, gather, minus};
-use crate::mesh::surface::Surface;
+use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::Merge;
 use glam::{DVec3, Vec4};
 use wide::f32x4;
@@ -34,6 +34,14 @@ impl Four {
         Self { cross, length: dot(cross, cross).sqrt() }
     }
 
+    /// Quality of each face, of which these are the edges that it was made of.
+    #[inline]
+    fn quality(&self, first: Vec3x4, second: Vec3x4) -> f32x4 {
+        let across = minus(first, second);
+        let edges = dot(first, first) + dot(second, second) + dot(across, across);
+        f32x4::splat(2.0 * 3f32.sqrt()) * self.length / edges.fast_max(f32x4::splat(f32::MIN_POSITIVE))
+    }
+
     /// Unit normal (xyz) and area (w) of each face; all zero where it has none.
     #[inline]
     pub fn facets(&self) -> [Vec4; LANES] {
@@ -41,6 +49,19 @@ impl Four {
         let [x, y, z] = self.cross.map(|c| c * inverse);
         f32x4::transpose([x, y, z, self.length * f32x4::HALF]).map(|facet| Vec4::from_array(facet.to_array()))
     }
+}
+
+/// Whether the quality of the face at one of these corners is `limit` at most.
+pub(crate) fn is_any_poor(surface: &Surface, corners: &[Corner], limit: f32) -> bool {
+    corners.chunks(LANES).any(|corners| {
+        // The last four are filled up with copies.
+        let edges = [0, 1, 2, 3].map(|lane: usize| {
+            let [a, b, c] = surface.triangle(Surface::face_of(corners[lane.min(corners.len() - 1)]));
+            [b - a, c - a].map(|edge| edge.as_vec3())
+        });
+        let [first, second] = [0, 1].map(|i| gather(edges.map(|edges| edges[i])));
+        Four::new(first, second).quality(first, second).simd_le(f32x4::splat(limit)).any()
+    })
 }
 
 impl Fan {
@@ -67,25 +88,16 @@ impl Fan {
             if (turned & old.length.simd_gt(f32x4::ZERO)).any() {
                 return Err(Cause::Flip);
             }
-            let across = minus(first, second);
-            let edges = dot(first, first) + dot(second, second) + dot(across, across);
-            worst = worst.fast_min(new.length / edges.fast_max(f32x4::splat(f32::MIN_POSITIVE)));
+            worst = worst.fast_min(new.quality(first, second));
             self.fours.push(new);
         }
-        let least = worst.to_array().into_iter().fold(f32::INFINITY, f32::min);
-        Ok(2.0 * 3f32.sqrt() * least)
+        Ok(worst.to_array().into_iter().fold(f32::INFINITY, f32::min))
     }
 
     /// What the faces are like, in the order of [`Merge::spokes`] from the first on that was looked at; the last four are filled up with copies.
     pub fn fours(&self) -> &[Four] {
         &self.fours
     }
-}
-
-/// Quality of the triangle `[a, b, c]`, as [`Fan::look`] has it.
-pub(crate) fn quality([a, b, c]: [DVec3; 3]) -> f64 {
-    let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
-    if edges > 0.0 { 2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / edges } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -109,6 +121,12 @@ mod tests {
         let mut triangles: Vec<[u32; 3]> = (0..count).map(|k| [owner(k), 2 + k, 2 + (k + 1) % count]).collect();
         triangles.extend([[0, 1, 2 + quarter], [1, 0, 2 + count - quarter]]);
         Mesh { positions, triangles, ..Mesh::default() }
+    }
+
+    /// Quality of the triangle `[a, b, c]`, as [`Fan::look`] has it.
+    fn quality([a, b, c]: [DVec3; 3]) -> f64 {
+        let edges = a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a);
+        if edges > 0.0 { 2.0 * 3f64.sqrt() * (b - a).cross(c - a).length() / edges } else { 0.0 }
     }
 
     proptest! {

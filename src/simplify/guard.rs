@@ -2,7 +2,7 @@
 
 use super::Refusals;
 use super::cost::{Candidate, Cost};
-use super::fan::quality;
+use super::fan::is_any_poor;
 use super::options::{Algorithm, Effort, Mode, Options, Placement};
 use crate::mesh::edges::{EdgeKind, edge_kind};
 use crate::mesh::surface::Surface;
@@ -143,8 +143,8 @@ pub(crate) fn check_topology(surface: &Surface, merge: &Merge, border: &[bool]) 
     Ok(())
 }
 
-/// Checks the shapes of the faces that survive: none of a [quality] below `needle` may become worse than the worst that was there. `worst`: the
-/// least quality after the collapse. Lines may not even come of paid collapses.
+/// Checks the shapes of the faces that survive: none of a [quality](super::fan::Fan::look) below `needle` may become worse than the worst that was
+/// there. `worst`: the least quality after the collapse. Lines may not even come of paid collapses.
 pub(crate) fn check_needles(
     surface: &Surface,
     merge: &Merge,
@@ -152,7 +152,10 @@ pub(crate) fn check_needles(
     needle: f32,
     paid: bool,
 ) -> Result<(), Cause> {
-    let was_worse = |c| quality(surface.triangle(Surface::face_of(c))) <= f64::from(worst);
+    let was_worse = || {
+        let corners = [surface.ring(merge.kept), merge.spokes_of_gone()];
+        corners.into_iter().any(|corners| is_any_poor(surface, corners, worst))
+    };
     let (limit, cause) = if paid { (LINE, Cause::Line) } else { (needle, Cause::Needle) };
-    if worst < limit && !merge.corners(surface).any(was_worse) { Err(cause) } else { Ok(()) }
+    if worst < limit && !was_worse() { Err(cause) } else { Ok(()) }
 }

@@ -319,9 +319,10 @@ pub(super) fn estimate(a: &Lanes, b: &Lanes, curvature_weight: f32, at_ends: boo
     } else {
         let normal = [0, 1, 2].map(|i| a.weight * a.mean[i] + b.weight * b.mean[i]);
         let slope = dot(normal, [0, 1, 2].map(|i| u[i] - v[i]));
-        // Σ area · (n · N)², with all normals taken for their mean.
         let (na, nb) = (dot(normal, a.mean), dot(normal, b.mean));
-        let stiffness = (a.weight * na * na + b.weight * nb * nb).fast_max(splat(f32::MIN_POSITIVE));
+        let [xx, xy, xz, yy, yz, zz] = std::array::from_fn(|i| a.spread[i] + b.spread[i]);
+        let spread = dot(normal, [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]].map(|row| dot(row, normal)));
+        let stiffness = (a.weight * na * na + b.weight * nb * nb + spread).fast_max(splat(f32::MIN_POSITIVE));
         let between = splat(0.25) * (at_start + at_end - slope * slope / stiffness);
         at_start.fast_min(at_end).fast_min(between).fast_max(splat(0.0)) + least
     };

@@ -119,8 +119,7 @@ pub(crate) fn record(mesh: &Mesh, options: &Options, triangles: usize) -> Result
     mesh.validate()?;
     // The log knows no wedges that the end of an edge keeps.
     let options = &Options { placement: Placement::Optimal, ..options.clone() };
-    let mut reducer = Reducer::new(mesh, options);
-    reducer.log = Some(Log::new(mesh, &reducer.surface));
+    let mut reducer = Reducer::with_log(mesh, options);
     let least = triangles.max(options.min_triangles);
     let mut before = usize::MAX;
     while reducer.surface.face_count() > least && reducer.surface.face_count() < before {

@@ -54,7 +54,17 @@ pub(crate) struct Reducer {
 impl Reducer {
     /// Starts from a valid mesh.
     pub fn new(mesh: &Mesh, options: &Options) -> Self {
-        let (surface, irregular) = Surface::with_irregular(mesh);
+        Self::start(options, Surface::with_irregular(mesh, true))
+    }
+
+    /// Starts from a valid mesh with a log, which takes points and faces as they come.
+    pub fn with_log(mesh: &Mesh, options: &Options) -> Self {
+        let start = Surface::with_irregular(mesh, false);
+        let log = Log::new(mesh, &start.0);
+        Self { log: Some(log), ..Self::start(options, start) }
+    }
+
+    fn start(options: &Options, (surface, irregular): (Surface, Irregular)) -> Self {
         let mut edges = Vec::new();
         let find_edges = || recollect_edges(&surface, &irregular, &mut edges);
         let (has_pieces, ()) = tasks::join(surface.face_count(), || are_there_pieces(&surface), find_edges);
@@ -129,6 +139,7 @@ impl Reducer {
             log.renumber(&self.surface);
         }
         if self.surface.compact() || self.edges.is_empty() {
+            self.irregular.review(&self.surface);
             recollect_edges(&self.surface, &self.irregular, &mut self.edges);
         }
         self.cost.refresh(&self.surface, &self.edges);
@@ -163,6 +174,11 @@ impl Reducer {
         self.look(a, b);
         if self.to_ends {
             return self.judge(a, b);
+        }
+        if self.merge.spokes().is_empty() {
+            // Nothing would be left, whatever it costs.
+            self.refusals.count(Cause::Vanish);
+            return None;
         }
         pinned(&self.surface, &self.locked, a, b).and_then(|pin| self.cost.judge_merge(&self.surface, &self.merge, pin))
     }
@@ -254,20 +270,23 @@ impl Reducer {
         let (start, end) = (self.surface.points[a as usize], self.surface.points[b as usize]);
         let along = end - start;
         let solves = !self.to_ends && !self.surface.wedges.is_plain();
-        let checked = self.check(candidate, terms).and_then(|()| {
+        let checked = self.check(candidate, terms).and_then(|is_breaking| {
             if solves {
                 let t = (candidate.position - start).dot(along) / along.length_squared();
                 let t = if t.is_finite() { t.clamp(0.0, 1.0) as f32 } else { 0.5 };
                 self.solution.solve(&self.surface, self.cost.metric(), &self.merge, candidate.position, t);
             }
-            if self.solution.turns_charts(&self.surface, &self.merge) { Err(Cause::Chart) } else { Ok(()) }
+            if self.solution.turns_charts(&self.surface, &self.merge) { Err(Cause::Chart) } else { Ok(is_breaking) }
         });
-        if let Err(cause) = checked {
-            self.refusals.count(cause);
-            return cause
-                .fined(&*self.cost, candidate, along.length_squared(), self.needles, self.cost.bend(a, b))
-                .map_or(Outcome::Refused, Outcome::Fined);
-        }
+        let is_breaking = match checked {
+            Ok(is_breaking) => is_breaking,
+            Err(cause) => {
+                self.refusals.count(cause);
+                return cause
+                    .fined(&*self.cost, candidate, along.length_squared(), self.needles, self.cost.bend(a, b))
+                    .map_or(Outcome::Refused, Outcome::Fined);
+            }
+        };
         let entry = self.log.as_ref().map(|log| log.begin(&self.surface, &self.merge));
         self.merge.apply(&mut self.surface, candidate.position);
         if solves {
@@ -277,13 +296,13 @@ impl Reducer {
             log.finish(entry, &self.surface);
         }
         self.locked.follow(a, b);
-        if terms.paid || self.irregular.is_either(a, b) {
+        if is_breaking || self.irregular.is_either(a, b) {
             self.border[a as usize] |= self.border[b as usize];
-            self.irregular.follow(&self.surface, a, b, terms.paid);
+            self.irregular.follow(&self.surface, a, b, is_breaking);
         }
         self.cost.follow_faces(&self.merge.spokes()[self.first_changed()..], &self.fan);
         self.cost.merged(&self.surface, a, b);
-        if terms.paid {
+        if is_breaking {
             self.cost.broke(&self.surface, a);
         }
         Outcome::Done { kept: a, gone: b }
@@ -294,28 +313,36 @@ impl Reducer {
         if self.to_ends { self.merge.spokes_of_kept().len() } else { 0 }
     }
 
-    fn check(&mut self, candidate: Candidate, terms: Terms) -> Result<(), Cause> {
+    /// Whether the collapse breaks rules that a fine buys it out of: then anything may become of the edges around it.
+    fn check(&mut self, candidate: Candidate, terms: Terms) -> Result<bool, Cause> {
         let first = self.first_changed();
-        let merge = &mut self.merge;
-        check_remains(merge, terms.paid)?;
-        if self.whole_cards && merge.spokes().len() == merge.across.len() {
+        check_remains(&self.merge, terms.paid)?;
+        if self.whole_cards && self.merge.spokes().len() == self.merge.across.len() {
             return Err(Cause::Vanish);
         }
-        let worst = self.fan.look(&self.surface, merge, candidate.position, first)?;
-        check_needles(&self.surface, merge, worst, self.needles.quality, terms.paid)?;
+        let worst = self.fan.look(&self.surface, &self.merge, candidate.position, first)?;
+        check_needles(&self.surface, &self.merge, worst, self.needles.quality, terms.paid)?;
+        let rules = self.check_rules();
         if !terms.paid {
-            if self.irregular.is_either(merge.kept, merge.gone) {
-                check_topology(&self.surface, merge, &self.border)?;
-            } else if !merge.keeps_regular() {
-                return Err(Cause::Link);
-            }
-            if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
-                return Err(Cause::Seam);
-            }
+            rules?;
         }
         // At an end there are its own wedges only: one without a partner would get attributes from elsewhere.
+        let merge = &mut self.merge;
         if self.to_ends && !merge.pair_up(&self.surface, terms.paid || self.constraints.seams_are_free()) {
             return Err(if terms.paid { Cause::Unpaired } else { Cause::Seam });
+        }
+        Ok(rules.is_err() || (terms.paid && self.to_ends && self.surface.has_seams()))
+    }
+
+    fn check_rules(&self) -> Result<(), Cause> {
+        let merge = &self.merge;
+        if self.irregular.is_either(merge.kept, merge.gone) {
+            check_topology(&self.surface, merge, &self.border)?;
+        } else if !merge.keeps_regular() {
+            return Err(Cause::Link);
+        }
+        if !self.constraints.seams_are_free() && !merge.keeps_seams(&self.surface) {
+            return Err(Cause::Seam);
         }
         Ok(())
     }

@@ -16,7 +16,7 @@ const MOST_ROUNDS: usize = 6;
 /// Squared distance, relative to the mean, from which a face found downhill is not trusted.
 const SUSPICIOUS: f32 = 16.0;
 
-/// Puts the `chosen` samples into the lists of their nearest faces, and moves their anchors.
+/// Finds the nearest faces of the `chosen` samples, and moves their anchors; those that moves may know of come into their faces' lists.
 pub(super) fn assign(
     surface: &Surface,
     source: &Source,
@@ -84,7 +84,7 @@ pub(super) fn assign(
         }
     }
     search_far_ones(surface, source, anchors, lists, &mut found);
-    for (s, &face) in found.iter().enumerate() {
+    for (s, &face) in found.iter().enumerate().take(source.judges().start) {
         if face != NONE {
             lists.push(face as usize, s as u32);
         }

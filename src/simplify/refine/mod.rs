@@ -142,14 +142,15 @@ impl Refiner {
         self.source.judges().start >= each * faces
     }
 
-    /// How far the samples that are held out are from the surface.
-    fn judge(&mut self, surface: &Surface) -> Distance {
-        let judges = self.source.judges();
-        let enough = MOST_JUDGES * surface.face_count().max(1);
-        let judges = judges.clone().step_by((judges.len() / enough).max(1));
-        follow::assign(surface, &self.source, &mut self.anchors, judges.clone(), &mut self.lists, &mut self.patch);
+    /// Looks for the faces of samples anew.
+    fn assign(&mut self, surface: &Surface, samples: impl Iterator<Item = usize>) {
+        follow::assign(surface, &self.source, &mut self.anchors, samples, &mut self.lists, &mut self.patch);
+    }
+
+    /// How far these samples were when they were assigned.
+    fn distance_of(&self, samples: impl Iterator<Item = usize>) -> Distance {
         let (mut squares, mut count, mut worst) = (0.0f64, 0usize, 0.0f32);
-        for squared in judges.map(|s| self.lists.squared[s]).filter(|squared| squared.is_finite()) {
+        for squared in samples.map(|s| self.lists.squared[s]).filter(|squared| squared.is_finite()) {
             squares += f64::from(squared);
             count += 1;
             worst = worst.max(squared);
@@ -161,13 +162,16 @@ impl Refiner {
     /// whether the surface is nearer to the source than it was, by the mean and the largest distance, both ways, of what was looked at, and of samples that no move knows.
     pub fn refine(&mut self, surface: &mut Surface, locked: &Locked) -> bool {
         let mut fixed = find_fixed(surface, locked);
-        let judged = self.judge(surface);
-        let anchors = self.anchors.clone();
         let is_fine = !self.has_samples(surface.face_count(), ENOUGH_SAMPLES);
         let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
-        let wanted = (self.budget.samples * surface.face_count() as f32) as usize;
-        let chosen = self.source.choose(wanted, self.budget.vertices * surface.face_count());
-        follow::assign(surface, &self.source, &mut self.anchors, chosen, &mut self.lists, &mut self.patch);
+        let faces = surface.face_count();
+        let wanted = (self.budget.samples * faces as f32) as usize;
+        let chosen = self.source.choose(wanted, self.budget.vertices * faces);
+        let judges = self.source.judges();
+        let judges = judges.clone().step_by((judges.len() / (MOST_JUDGES * faces).max(1)).max(1));
+        self.assign(surface, chosen.chain(judges.clone()));
+        let judged = self.distance_of(judges.clone());
+        let anchors = self.anchors.clone();
         let mut level = Level {
             surface,
             source: &self.source,
@@ -206,7 +210,10 @@ impl Refiner {
         }
         follow::move_anchors(level.surface, level.lists, &mut self.anchors);
         let allowed = Distance { worst: judged.worst.max(was.worst), ..judged };
-        let is_better = is.is_within(&was) && self.judge(surface).is_within(&allowed);
+        let is_better = is.is_within(&was) && {
+            self.assign(surface, judges.clone());
+            self.distance_of(judges).is_within(&allowed)
+        };
         if !is_better {
             self.anchors = anchors;
         }

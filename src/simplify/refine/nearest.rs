@@ -1,8 +1,9 @@
 //! The closest point of many triangles: four at a time along a curve through space, in boxes that are four to a box in turn.
 
 use super::plane::Planes;
-use super::source::{Foot, order_in_space};
+use super::source::Foot;
 use crate::lanes::{Vec3x4, dot, gather, minus};
+use crate::mesh::order::order_in_space;
 use glam::Vec3;
 use smallvec::SmallVec;
 use wide::f32x4;

@@ -1,6 +1,7 @@
 //! The source surface as refinement sees it: samples to be near to, and a way to find the closest point from a place nearby.
 
 use super::nearest::NearestFace;
+use crate::mesh::order::order_in_space;
 use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
@@ -238,25 +239,6 @@ fn spread(k: u32) -> [f32; 2] {
 
 fn sort_in_space(samples: &[Sample]) -> Vec<Sample> {
     order_in_space(samples.iter().map(|s| s.position)).into_iter().map(|i| samples[i as usize]).collect()
-}
-
-/// Indices in the order of a curve through space.
-pub(super) fn order_in_space(places: impl Iterator<Item = Vec3>) -> Vec<u32> {
-    let mut order: Vec<(u32, u32)> = places.zip(0..).map(|(p, i)| (spatial_key(p), i)).collect();
-    radsort::sort_by_key(&mut order, |&(key, _)| key);
-    order.into_iter().map(|(_, i)| i).collect()
-}
-
-/// Position along a Morton curve through the unit frame, [-1, 1]³, in 1024 cells a side.
-fn spatial_key(position: Vec3) -> u32 {
-    let spread = |x: f32| {
-        let x = ((x + 1.0) * 512.0).clamp(0.0, 1023.0) as u32;
-        let x = (x | x << 16) & 0x0300_00ff;
-        let x = (x | x << 8) & 0x0300_f00f;
-        let x = (x | x << 4) & 0x030c_30c3;
-        (x | x << 2) & 0x0924_9249
-    };
-    spread(position.x) | spread(position.y) << 1 | spread(position.z) << 2
 }
 
 fn gather_faces(points: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
