@@ -74,18 +74,18 @@ struct Budget {
     promise: f32,
     /// Lengths of a step that are tried in sweeps.
     scales: usize,
-    /// Share of the faces whose worst spots are worked on in a round.
-    peaks: f32,
     /// Whether peaks are looked for between the centre of a face, the middles of its edges and its corners, too.
     looks_between: bool,
 }
 
 /// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
 const FEWEST_SAMPLES: usize = 6;
-/// Samples a face below which one round is all that pays.
+/// Samples a face below which a sweep without rounds before it is all that pays.
 const ENOUGH_SAMPLES: usize = 12;
 /// Samples a face that are enough to judge a level by.
-const MOST_JUDGES: usize = 12;
+const MOST_JUDGES: usize = 6;
+/// Share of the faces whose worst spots are worked on in a round.
+const PEAKS: f32 = 0.02;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
 const NEW_PEAK: f32 = 0.9;
 
@@ -100,7 +100,6 @@ impl Budget {
                 exchanges: 1,
                 promise: 0.01,
                 scales: 2,
-                peaks: 0.025,
                 looks_between: true,
             },
             _ => Self {
@@ -111,7 +110,6 @@ impl Budget {
                 exchanges: 0,
                 promise: 0.02,
                 scales: 1,
-                peaks: 0.02,
                 looks_between: false,
             },
         }
@@ -162,9 +160,9 @@ impl Refiner {
     /// whether the surface is nearer to the source than it was, by the mean and the largest distance, both ways, of what was looked at, and of samples that no move knows.
     pub fn refine(&mut self, surface: &mut Surface, locked: &Locked) -> bool {
         let mut fixed = find_fixed(surface, locked);
-        let is_fine = !self.has_samples(surface.face_count(), ENOUGH_SAMPLES);
-        let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
         let faces = surface.face_count();
+        let is_fine = !self.has_samples(faces, ENOUGH_SAMPLES);
+        let (rounds, exchanges) = if is_fine { (0, 0) } else { (self.budget.rounds, self.budget.exchanges) };
         let wanted = (self.budget.samples * faces as f32) as usize;
         let chosen = self.source.choose(wanted, self.budget.vertices * faces);
         let judges = self.source.judges();
@@ -187,7 +185,7 @@ impl Refiner {
         level.prices = Prices::of_level(&level);
         find_feet(&mut level);
         let was = level.distance();
-        let most = (self.budget.peaks * level.surface.face_count() as f32).ceil() as usize;
+        let most = (PEAKS * faces as f32).ceil() as usize;
         level.prices.set_peak(was.worst * NEW_PEAK);
         let mut peak = was.worst;
         for round in 0..rounds {
