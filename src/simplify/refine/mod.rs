@@ -80,7 +80,7 @@ struct Budget {
 
 /// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
 const FEWEST_SAMPLES: usize = 6;
-/// Samples a face below which a sweep without rounds before it is all that pays.
+/// Samples a face below which one round is all that pays.
 const ENOUGH_SAMPLES: usize = 12;
 /// Samples a face that are enough to judge a level by.
 const MOST_JUDGES: usize = 6;
@@ -162,7 +162,7 @@ impl Refiner {
         let mut fixed = find_fixed(surface, locked);
         let faces = surface.face_count();
         let is_fine = !self.has_samples(faces, ENOUGH_SAMPLES);
-        let (rounds, exchanges) = if is_fine { (0, 0) } else { (self.budget.rounds, self.budget.exchanges) };
+        let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
         let wanted = (self.budget.samples * faces as f32) as usize;
         let chosen = self.source.choose(wanted, self.budget.vertices * faces);
         let judges = self.source.judges();

@@ -52,6 +52,7 @@ impl Planes {
     pub fn fill(&mut self, triangles: &[[Vec3; 3]]) {
         self.count = triangles.len();
         self.fours.clear();
+        self.fours.reserve_exact(triangles.len().div_ceil(LANES));
         for start in (0..triangles.len()).step_by(LANES) {
             let at = |lane: usize| (start + lane).min(triangles.len() - 1);
             let corner = |k: usize| gather(std::array::from_fn(|lane| triangles[at(lane)][k]));
