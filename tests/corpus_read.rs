@@ -53,9 +53,9 @@ fn read(path: &Path, root: &Path) -> gltf_lod::Result<(Asset, Vec<Geometry>)> {
 fn check_arrays(geometry: &Geometry) {
     let mesh = &geometry.mesh;
     let vertices = mesh.positions.len();
-    assert!(mesh.groups.is_empty() || mesh.groups.len() == mesh.triangles.len());
-    for (t, triangle) in mesh.triangles.iter().enumerate() {
-        let range = &geometry.primitives[mesh.group(t) as usize].vertices;
+    assert_eq!(mesh.groups.len(), mesh.triangles.len());
+    for (triangle, &group) in mesh.triangles.iter().zip(&mesh.groups) {
+        let range = &geometry.primitives[group as usize].vertices;
         assert!(triangle.iter().all(|corner| range.contains(corner)), "a vertex belongs to one group");
     }
     for attribute in &mesh.attributes {

@@ -207,17 +207,13 @@ impl Merger<'_> {
 
         let mesh = &mut self.geometry.mesh;
         let group = self.geometry.primitives.len() as u32;
-        let (first, first_triangle) = (first as u32, mesh.triangles.len());
+        let first = first as u32;
         if mesh.triangles.is_empty() && first == 0 {
             mesh.triangles = faces.triangles;
         } else {
             mesh.triangles.extend(faces.triangles.iter().map(|t| t.map(|corner| first + corner)));
         }
-        // The first one goes without saying, if it is the only one.
-        if group > 0 {
-            mesh.groups.resize(first_triangle, 0);
-            mesh.groups.resize(mesh.triangles.len(), group);
-        }
+        mesh.groups.resize(mesh.triangles.len(), group);
         let layouts = |target, sources: &[Source]| sources.iter().filter_map(|s| self.plan.layout(target, s)).collect();
         self.geometry.primitives.push(PrimitiveLayout {
             primitive: part.primitive,
@@ -444,13 +440,6 @@ mod tests {
         assert_eq!(geometry.mesh.triangles, [[2, 0, 1], [5, 4, 3]]);
         assert_eq!(geometry.mesh.groups, [0, 1]);
         assert_eq!(geometry.primitives[1].vertices, 3..6);
-    }
-
-    #[test]
-    fn what_all_belongs_to_one_primitive_has_no_groups() {
-        let geometry = read(&[line(3)], json!([{"attributes": {"POSITION": 0}}])).unwrap();
-        assert_eq!(geometry.mesh.triangles, [[0, 1, 2]]);
-        assert!(geometry.mesh.groups.is_empty());
     }
 
     #[test]

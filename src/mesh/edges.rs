@@ -201,41 +201,6 @@ fn regular_edges(surface: &Surface, irregular: &Irregular, faces: std::ops::Rang
     }
 }
 
-/// The points after and before each corner of a ring.
-struct Fan {
-    links: Vec<[u32; 2]>,
-}
-
-impl Fan {
-    fn new(surface: &Surface, ring: &[Corner]) -> Self {
-        Self { links: ring.iter().map(|&corner| surface.opposite(corner)).collect() }
-    }
-
-    /// [`edges_at`] `a`.
-    fn give_edges(
-        &self,
-        surface: &Surface,
-        a: u32,
-        ring: &[Corner],
-        wanted: impl Fn(u32) -> bool,
-        mut give: impl FnMut(Edge, &[Side]),
-    ) {
-        let links = || self.links.iter().flatten().copied();
-        for (i, b) in links().enumerate().filter(|(_, b)| wanted(*b)) {
-            if links().take(i).all(|other| other != b) {
-                let sides = self.sides(ring, b);
-                give(Edge::between(surface, a, b, &sides), &sides);
-            }
-        }
-    }
-
-    /// The corners whose faces have the edge to `b`.
-    fn sides(&self, ring: &[Corner], b: u32) -> Sides {
-        let on_edge = ring.iter().zip(&self.links).filter(|(_, link)| link.contains(&b));
-        on_edge.map(|(&corner, link)| (corner, link[0] == b)).collect()
-    }
-}
-
 /// The sides of the edge between `a` and `b`, at `a`.
 pub(crate) fn sides_of(surface: &Surface, a: u32, b: u32) -> Sides {
     let links = surface.ring(a).iter().map(|&corner| (corner, surface.opposite(corner)));
@@ -259,13 +224,18 @@ pub(crate) fn special_edges(surface: &Surface, point: u32, mut give: impl FnMut(
 }
 
 /// Gives the edges from `point` to the points that are `wanted`, with their sides if they are not plain.
-fn edges_at(surface: &Surface, point: u32, wanted: impl Fn(u32) -> bool, give: impl FnMut(Edge, &[Side])) {
+fn edges_at(surface: &Surface, point: u32, wanted: impl Fn(u32) -> bool, mut give: impl FnMut(Edge, &[Side])) {
     let ring = surface.ring(point);
     match ring.len() {
         0..=8 => Links::<1>::new(surface, ring).give_edges(surface, point, ring, wanted, give),
         9..=16 => Links::<2>::new(surface, ring).give_edges(surface, point, ring, wanted, give),
         17..=32 => Links::<4>::new(surface, ring).give_edges(surface, point, ring, wanted, give),
-        _ => Fan::new(surface, ring).give_edges(surface, point, ring, wanted, give),
+        _ => {
+            for b in surface.neighbours(point).into_iter().filter(|b| wanted(*b)) {
+                let sides = sides_of(surface, point, b);
+                give(Edge::between(surface, point, b, &sides), &sides);
+            }
+        }
     }
 }
 

@@ -92,6 +92,11 @@ impl Mesh {
         self.groups.get(t).copied().unwrap_or(0)
     }
 
+    /// Whether some triangle is in another group than 0.
+    pub(crate) fn has_groups(&self) -> bool {
+        self.groups.iter().any(|group| *group > 0)
+    }
+
     /// Length of the bounding box's diagonal over the vertices that triangles use, in object units; 0 for an empty mesh.
     pub fn diagonal(&self) -> f32 {
         let (lo, hi) = self.bounds();

@@ -205,7 +205,15 @@ fn assign_cells(cells: Vec<Cell>, regions: Range<usize>, assign: &mut impl FnMut
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Mesh;
     use crate::shapes::make_stand_in;
+
+    #[test]
+    fn what_is_all_of_one_group_may_be_taken_apart() {
+        let mesh = make_stand_in(1000);
+        let in_group = |group| Surface::new(&Mesh { groups: vec![group; mesh.triangles.len()], ..mesh.clone() });
+        assert!(in_group(0).is_bare() && !in_group(1).is_bare());
+    }
 
     #[test]
     fn parts_make_the_whole_again() {

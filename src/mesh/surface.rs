@@ -294,11 +294,9 @@ impl Surface {
     /// The points that share a face with `point`, each once, in the order in which its ring meets them.
     pub fn neighbours(&self, point: u32) -> SmallVec<[u32; 16]> {
         let mut found = SmallVec::new();
-        for &corner in self.ring(point) {
-            for other in self.opposite(corner) {
-                if !found.contains(&other) {
-                    found.push(other);
-                }
+        for other in self.around(point) {
+            if !found.contains(&other) {
+                found.push(other);
             }
         }
         found

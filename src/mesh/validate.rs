@@ -31,7 +31,7 @@ impl Mesh {
 
     fn validate_triangles(&self) -> Result<()> {
         let vertices = self.positions.len();
-        if self.groups.is_empty() && self.triangles.as_flattened().iter().all(|&v| (v as usize) < vertices) {
+        if !self.has_groups() && self.triangles.as_flattened().iter().all(|&v| (v as usize) < vertices) {
             return Ok(());
         }
         let mut group_of = vec![u32::MAX; vertices];

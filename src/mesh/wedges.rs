@@ -46,7 +46,7 @@ impl Wedges {
                 values.extend_from_slice(&a.values[v as usize * a.width..][..a.width]);
             }
         }
-        let groups = if mesh.groups.iter().any(|group| *group > 0) { pick_groups(mesh, vertices) } else { Vec::new() };
+        let groups = if mesh.has_groups() { pick_groups(mesh, vertices) } else { Vec::new() };
         let skin = mesh.skin.as_ref().map(|s| pick_skin(s, vertices));
         let mut range = vec![(f32::INFINITY, f32::NEG_INFINITY); stride];
         for row in values.chunks_exact(stride.max(1)) {

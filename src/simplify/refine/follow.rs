@@ -84,7 +84,7 @@ pub(super) fn assign(
         }
     }
     search_far_ones(surface, source, anchors, lists, &mut found);
-    for (s, &face) in found.iter().enumerate().take(source.judges().start) {
+    for (s, &face) in found.iter().enumerate().take(source.held_out) {
         if face != NONE {
             lists.push(face as usize, s as u32);
         }

@@ -137,7 +137,7 @@ impl Refiner {
     }
 
     fn has_samples(&self, faces: usize, each: usize) -> bool {
-        self.source.judges().start >= each * faces
+        self.source.held_out >= each * faces
     }
 
     /// Looks for the faces of samples anew.
@@ -165,8 +165,7 @@ impl Refiner {
         let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
         let wanted = (self.budget.samples * faces as f32) as usize;
         let chosen = self.source.choose(wanted, self.budget.vertices * faces);
-        let judges = self.source.judges();
-        let judges = judges.clone().step_by((judges.len() / (MOST_JUDGES * faces).max(1)).max(1));
+        let judges = self.source.judges(MOST_JUDGES * faces);
         self.assign(surface, chosen.chain(judges.clone()));
         let judged = self.distance_of(judges.clone());
         let anchors = self.anchors.clone();

@@ -41,11 +41,10 @@ impl NearestFace {
         let mut levels = Vec::new();
         while !bounds.is_empty() {
             levels.push(bounds.chunks(LANES).map(Boxes::new).collect());
-            let is_last = bounds.len() <= LANES;
-            bounds = bounds.chunks(LANES).map(|run| enclose(run.as_flattened())).collect();
-            if is_last {
+            if bounds.len() <= LANES {
                 break;
             }
+            bounds = bounds.chunks(LANES).map(|run| enclose(run.as_flattened())).collect();
         }
         Self { levels, triangles, order }
     }

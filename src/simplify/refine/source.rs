@@ -5,6 +5,8 @@ use crate::mesh::order::order_in_space;
 use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
+use std::iter::StepBy;
+use std::ops::Range;
 
 /// One in so many samples inside faces is held out.
 const HELD_OUT: usize = 3;
@@ -20,7 +22,7 @@ pub(crate) struct Source {
     pub samples: Vec<Sample>,
     /// The first so many samples are vertices; those from `held_out` on are for judging what the others have led to.
     vertices: usize,
-    held_out: usize,
+    pub held_out: usize,
     nearest: NearestFace,
     /// Where points may go.
     pub room: Room,
@@ -69,15 +71,13 @@ impl Source {
     /// many at least: vertices do not tell of what lies between them.
     pub fn choose(&self, wanted: usize, most: usize) -> impl Iterator<Item = usize> + use<> {
         let (vertices, all) = (self.vertices, self.held_out);
-        let thinning = (vertices / most.max(1)).max(1);
         let others = wanted.saturating_sub(vertices).max(wanted / 2);
-        let stride = (all - vertices).checked_div(others).unwrap_or(usize::MAX).max(1);
-        (0..vertices).step_by(thinning).chain((vertices..all).step_by(stride))
+        thin_out(0..vertices, most).chain(thin_out(vertices..all, others))
     }
 
-    /// The samples that no move knows.
-    pub fn judges(&self) -> std::ops::Range<usize> {
-        self.held_out..self.samples.len()
+    /// Of the samples that no move knows not much more than `most`.
+    pub fn judges(&self, most: usize) -> impl Iterator<Item = usize> + Clone + use<> {
+        thin_out(self.held_out..self.samples.len(), most)
     }
 
     /// Positions of a face.
@@ -187,6 +187,12 @@ pub(crate) fn closest_point([a, b, c]: [Vec3; 3], x: Vec3) -> (Vec3, [f32; 3], F
     let inverse = 1.0 / (va + vb + vc);
     let (v, w) = (vb * inverse, vc * inverse);
     (a + ab * v + ac * w, [1.0 - v - w, v, w], Feature::Inside)
+}
+
+/// Not much more than `most` of these samples, evenly; one at least.
+fn thin_out(samples: Range<usize>, most: usize) -> StepBy<Range<usize>> {
+    let step = samples.len() / most.max(1);
+    samples.step_by(step.max(1))
 }
 
 /// Vertices, where the peaks are, and places inside of faces, evenly by area: large faces have more of them. Both kinds share the area.
