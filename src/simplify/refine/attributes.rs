@@ -78,7 +78,7 @@ fn gather_pulls(level: &Level, attributes: &SourceAttributes) -> Pulls {
     for f in level.surface.live_faces() {
         let (triangle, corners) = (level.triangle(f), level.surface.face_wedges(f));
         let group = level.surface.wedges.group(corners[0]);
-        for s in level.lists.of(f) {
+        for s in level.lists.samples(f) {
             let sample = &level.source.samples[s as usize];
             if attributes.wedges.group(attributes.corners[sample.face as usize][0]) != group {
                 continue;

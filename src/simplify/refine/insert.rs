@@ -22,9 +22,9 @@ pub(super) struct Insertion {
 /// The best at a face that gains anything: on one of its edges, at the source's point nearest to the middle or at the face's farthest sample.
 pub(super) fn find_insertion(level: &mut Level, face: usize) -> Option<Insertion> {
     let corners = level.surface.face(face);
-    let squared = |s: &u32| level.lists.squared[*s as usize];
-    let farthest = level.lists.of(face).max_by(|s, t| squared(s).total_cmp(&squared(t)));
-    let at_sample = farthest.map(|s| &level.source.samples[s as usize]).map(|s| Foot {
+    let samples = level.lists.of(face).flat_map(|four| four.samples().map(|(k, s)| (four.squared.as_array()[k], s)));
+    let farthest = samples.max_by(|a, b| a.0.total_cmp(&b.0));
+    let at_sample = farthest.map(|(_, s)| &level.source.samples[s as usize]).map(|s| Foot {
         distance_squared: 0.0,
         point: s.position,
         face: s.face,

@@ -1,12 +1,14 @@
 //! A level under refinement: which samples each face stands for, and what its errors are worth.
 
 use super::Budget;
+use super::lists::{Lists, NONE};
 use super::patch::{Appraisal, Patch};
 use super::prices::Prices;
 use super::probe::Spots;
 use super::source::{Foot, Source};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
+use wide::f32x4;
 
 /// How a move is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,9 +18,6 @@ pub(super) enum Manner {
     /// By all places that the move changes.
     Thorough,
 }
-
-/// No sample; the end of a list.
-pub(super) const NONE: u32 = u32::MAX;
 
 /// Cosines of the angles to the source's normal from which a face looks away, and from which it is turned over.
 const AWAY_COSINES: [f32; 2] = [0.2, -0.3];
@@ -50,40 +49,6 @@ pub(super) struct Fan {
     /// The same with the point elsewhere.
     pub moved: Vec<[Vec3; 3]>,
     rims: Vec<[u32; 2]>,
-}
-
-/// Lists of samples by face (or point), and how far each is. Kept between levels.
-#[derive(Debug, Default)]
-pub(super) struct Lists {
-    /// First sample of each face.
-    pub head: Vec<u32>,
-    /// For each sample the next of the same face.
-    pub next: Vec<u32>,
-    /// For each sample its squared distance: that to some place of the level, at most a little more than to the nearest.
-    pub squared: Vec<f32>,
-}
-
-impl Lists {
-    pub fn reset(&mut self, faces: usize, samples: usize) {
-        self.head.clear();
-        self.head.resize(faces, NONE);
-        self.next.resize(samples, NONE);
-        self.squared.resize(samples, 0.0);
-    }
-
-    pub fn push(&mut self, face: usize, sample: u32) {
-        self.next[sample as usize] = self.head[face];
-        self.head[face] = sample;
-    }
-
-    pub fn of(&self, face: usize) -> impl Iterator<Item = u32> + '_ {
-        let mut at = self.head[face];
-        std::iter::from_fn(move || {
-            let found = (at != NONE).then_some(at)?;
-            at = self.next[at as usize];
-            Some(found)
-        })
-    }
 }
 
 pub(super) struct Level<'a> {
@@ -133,18 +98,14 @@ impl Level<'_> {
         self.patch.clear();
         for &f in faces {
             self.patch.start_triangle();
-            let mut at = self.lists.head[f];
-            while at != NONE {
-                self.patch.push(at, &self.source.samples[at as usize], self.lists.squared[at as usize]);
-                at = self.lists.next[at as usize];
-            }
+            self.lists.of(f).for_each(|four| self.patch.push_four(four));
         }
         self.patch.look(triangles, &self.prices)
     }
 
     /// What the distances of a face's samples cost.
     pub fn cost_of_distances(&self, face: usize) -> f32 {
-        self.lists.of(face).map(|s| self.source.samples[s as usize].weight * self.lists.squared[s as usize]).sum()
+        self.lists.of(face).map(|four| four.weight * four.squared).sum::<f32x4>().reduce_add()
     }
 
     /// The distance both ways.
@@ -155,10 +116,8 @@ impl Level<'_> {
             if !self.surface.is_live(f) {
                 continue;
             }
-            for s in self.lists.of(f) {
-                forth += f64::from(self.source.samples[s as usize].weight * self.lists.squared[s as usize]);
-                weight += f64::from(self.source.samples[s as usize].weight);
-            }
+            forth += f64::from(self.cost_of_distances(f));
+            weight += f64::from(self.lists.of(f).map(|four| four.weight).sum::<f32x4>().reduce_add());
             let spots = self.spots(f);
             back += f64::from(spots.squares);
             whole += f64::from(area(&self.triangle(f)));
@@ -171,7 +130,7 @@ impl Level<'_> {
     /// Makes room for new faces and points.
     pub fn grow(&mut self) {
         let (faces, points) = (self.surface.face_slots(), self.surface.points.len());
-        self.lists.head.resize(faces, NONE);
+        self.lists.grow(faces);
         self.spots.resize(faces, Spots::UNKNOWN);
         self.feet.resize(points, Foot { distance_squared: 0.0, point: Vec3::ZERO, face: NONE });
     }
@@ -187,13 +146,10 @@ impl Level<'_> {
     /// Gives the patch's samples to `faces`, which are the triangles appraised last; `old` are the faces they came from.
     pub fn settle(&mut self, old: &[usize], faces: &[usize]) {
         for &f in old {
-            self.lists.head[f] = NONE;
+            self.lists.empty(f);
             self.spots[f] = Spots::UNKNOWN;
         }
-        for (id, squared, which) in self.patch.found() {
-            self.lists.squared[id as usize] = squared;
-            self.lists.push(faces[which], id);
-        }
+        self.patch.hand_over(faces, self.lists);
     }
 
     /// Fills `fan` with the faces around `p`.

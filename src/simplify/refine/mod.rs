@@ -21,6 +21,7 @@ mod flip;
 mod follow;
 mod insert;
 mod level;
+mod lists;
 mod nearest;
 mod patch;
 mod peaks;
@@ -37,8 +38,10 @@ use super::options::Effort;
 use crate::mesh::edges::collect_edges;
 use crate::mesh::surface::Surface;
 use attributes::SourceAttributes;
+use follow::Followed;
 use glam::Vec3;
-use level::{Distance, Fan, Level, Lists, Manner, NONE};
+use level::{Distance, Fan, Level, Manner};
+use lists::{Lists, NONE, NearestSample};
 use patch::Patch;
 use prices::Prices;
 use probe::Spots;
@@ -50,8 +53,7 @@ use source::{Foot, Source};
 pub(crate) struct Refiner {
     source: Source,
     attributes: Option<SourceAttributes>,
-    /// For each sample a point of the level near it.
-    anchors: Vec<u32>,
+    followed: Followed,
     lists: Lists,
     patch: Patch,
     budget: Budget,
@@ -123,7 +125,7 @@ impl Refiner {
         let source = Source::new(surface, budget.inside);
         Self {
             attributes: SourceAttributes::new(surface),
-            anchors: source.samples.iter().map(|s| source.corner(s)).collect(),
+            followed: Followed::new(&source),
             lists: Lists::default(),
             patch: Patch::default(),
             budget,
@@ -142,18 +144,7 @@ impl Refiner {
 
     /// Looks for the faces of samples anew.
     fn assign(&mut self, surface: &Surface, samples: impl Iterator<Item = usize>) {
-        follow::assign(surface, &self.source, &mut self.anchors, samples, &mut self.lists, &mut self.patch);
-    }
-
-    /// How far these samples were when they were assigned.
-    fn distance_of(&self, samples: impl Iterator<Item = usize>) -> Distance {
-        let (mut squares, mut count, mut worst) = (0.0f64, 0usize, 0.0f32);
-        for squared in samples.map(|s| self.lists.squared[s]).filter(|squared| squared.is_finite()) {
-            squares += f64::from(squared);
-            count += 1;
-            worst = worst.max(squared);
-        }
-        Distance { mean: (squares / count.max(1) as f64) as f32, worst }
+        self.followed.assign(surface, &self.source, samples, &mut self.lists, &mut self.patch);
     }
 
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
@@ -167,8 +158,8 @@ impl Refiner {
         let chosen = self.source.choose(wanted, self.budget.vertices * faces);
         let judges = self.source.judges(MOST_JUDGES * faces);
         self.assign(surface, chosen.chain(judges.clone()));
-        let judged = self.distance_of(judges.clone());
-        let anchors = self.anchors.clone();
+        let judged = self.followed.distance_of(judges.clone());
+        let anchors = self.followed.anchors.clone();
         let mut level = Level {
             surface,
             source: &self.source,
@@ -205,14 +196,14 @@ impl Refiner {
         if let Some(attributes) = &self.attributes {
             attributes::fit(&mut level, attributes, &fixed);
         }
-        follow::move_anchors(level.surface, level.lists, &mut self.anchors);
+        self.followed.move_anchors(level.surface, level.lists);
         let allowed = Distance { worst: judged.worst.max(was.worst), ..judged };
         let is_better = is.is_within(&was) && {
             self.assign(surface, judges.clone());
-            self.distance_of(judges).is_within(&allowed)
+            self.followed.distance_of(judges).is_within(&allowed)
         };
         if !is_better {
-            self.anchors = anchors;
+            self.followed.anchors = anchors;
         }
         is_better
     }
@@ -270,18 +261,11 @@ fn find_feet(level: &mut Level) {
 
 /// The source face of the sample nearest to a point among those on its faces.
 fn nearest_sample_around(level: &Level, p: u32) -> Option<u32> {
-    let x = level.point(p);
-    let mut best = (f32::INFINITY, None);
+    let mut search = NearestSample::to(level.point(p));
     for &corner in level.surface.ring(p) {
-        for s in level.lists.of(Surface::face_of(corner)) {
-            let sample = &level.source.samples[s as usize];
-            let squared = sample.position.distance_squared(x);
-            if squared < best.0 {
-                best = (squared, Some(sample.face));
-            }
-        }
+        level.lists.of(Surface::face_of(corner)).for_each(|four| search.look_at(four, Vec3::ZERO));
     }
-    best.1
+    search.found().map(|s| level.source.samples[s as usize].face)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A patch: the faces that a move replaces, with the samples on them, four to a block. Measures what other triangles in their place would be
 //! worth. Everything is kept between patches: nothing is allocated for a candidate.
 
-use super::level::NONE;
+use super::lists::{Four, LANES, Lists, NONE, NearestSample};
 use super::plane::Planes;
 use super::prices::Prices;
 use super::source::Sample;
@@ -11,24 +11,17 @@ use glam::Vec3;
 use std::ops::Range;
 use wide::f32x4;
 
-const LANES: usize = 4;
-
 /// Samples a face below which nothing moves.
 const FEWEST_SAMPLES: usize = 2;
 
 /// Four samples of one face.
 #[derive(Debug, Clone, Copy)]
 struct Block {
-    position: Vec3x4,
-    normal: Vec3x4,
-    /// 0 in lanes without a sample.
-    weight: f32x4,
-    /// Squared distance to the nearest triangle, which one it is, and the cosine between the normals.
-    nearest: f32x4,
+    /// Their squared distances are those to the nearest triangle.
+    four: Four,
+    /// Which triangle that is, and the cosine between the normals.
     which: f32x4,
     turn: f32x4,
-    /// Samples; `NONE` in lanes without one.
-    ids: [u32; LANES],
 }
 
 /// What a patch costs with some triangles in its place.
@@ -65,43 +58,49 @@ impl Patch {
 
     /// Adds a sample of the current triangle, with its squared distance as far as that is known.
     pub fn push(&mut self, id: u32, sample: &Sample, squared: f32) {
-        if self.taken == LANES {
-            self.taken = 0;
-            self.blocks.push(Block {
-                position: sample.position.to_array().map(f32x4::splat),
-                normal: sample.normal.to_array().map(f32x4::splat),
-                weight: f32x4::ZERO,
-                nearest: f32x4::ZERO,
-                which: f32x4::splat(self.starts.len() as f32 - 1.0),
-                turn: f32x4::ONE,
-                ids: [NONE; LANES],
-            });
+        match self.blocks.last_mut().filter(|_| self.taken < LANES) {
+            Some(block) => {
+                block.four.set(self.taken, id, sample, squared);
+                self.taken += 1;
+            }
+            None => {
+                self.push_four(&Four::new(id, sample, squared));
+                self.taken = 1;
+            }
         }
-        let Some(block) = self.blocks.last_mut() else { return };
-        let lane = self.taken;
-        for k in 0..3 {
-            block.position[k].as_mut_array()[lane] = sample.position[k];
-            block.normal[k].as_mut_array()[lane] = sample.normal[k];
-        }
-        block.weight.as_mut_array()[lane] = sample.weight;
-        block.nearest.as_mut_array()[lane] = squared;
-        block.ids[lane] = id;
-        self.taken += 1;
+    }
+
+    /// Adds four samples of the current triangle.
+    pub fn push_four(&mut self, four: &Four) {
+        let which = f32x4::splat(self.starts.len() as f32 - 1.0);
+        self.blocks.push(Block { four: *four, which, turn: f32x4::ONE });
     }
 
     /// Whether there are enough samples to judge other triangles by.
     pub fn can_judge(&self) -> bool {
-        let samples: usize = self.blocks.iter().map(|b| b.ids.iter().filter(|&&id| id != NONE).count()).sum();
+        let samples: usize = self.blocks.iter().map(|b| b.four.samples().count()).sum();
         samples >= FEWEST_SAMPLES * self.starts.len()
     }
 
     /// Each sample with its squared distance and the index of its triangle.
     pub fn found(&self) -> impl Iterator<Item = (u32, f32, usize)> + '_ {
-        let lanes = |b: &'_ Block| {
-            let (ids, nearest, which) = (b.ids, b.nearest.to_array(), b.which.to_array());
-            (0..LANES).map(move |k| (ids[k], nearest[k], which[k] as usize))
+        let samples = |b: &'_ Block| {
+            let (squared, which, ids) = (b.four.squared.to_array(), b.which.to_array(), b.four.ids);
+            (0..LANES).map(move |k| (ids[k], squared[k], which[k] as usize))
         };
-        self.blocks.iter().flat_map(lanes).filter(|(id, ..)| *id != NONE)
+        self.blocks.iter().flat_map(samples).filter(|(id, ..)| *id != NONE)
+    }
+
+    /// Gives the samples to the faces that are the triangles now.
+    pub fn hand_over(&self, faces: &[usize], lists: &mut Lists) {
+        for Block { four, which, .. } in &self.blocks {
+            let which = which.to_array();
+            if four.ids[LANES - 1] != NONE && which.iter().all(|&k| k == which[0]) {
+                lists.push_four(faces[which[0] as usize], four);
+            } else {
+                four.samples().for_each(|(lane, _)| lists.push_lane(faces[which[lane] as usize], four, lane));
+            }
+        }
     }
 
     /// What the patch costs as it is; `triangles` are those that the samples were pushed for.
@@ -111,7 +110,7 @@ impl Patch {
         for k in 0..triangles.len() {
             let normal = self.planes.get(k).normal;
             for block in &mut self.blocks[range(&self.starts, k, all)] {
-                block.turn = dot(block.normal, normal);
+                block.turn = dot(block.four.normal, normal);
             }
         }
         self.appraise(&self.planes, prices)
@@ -151,15 +150,15 @@ impl Patch {
 
     fn forget(&mut self) {
         for block in &mut self.blocks {
-            block.nearest = f32x4::splat(f32::INFINITY);
+            block.four.squared = f32x4::splat(f32::INFINITY);
         }
     }
 
     fn appraise(&self, planes: &Planes, prices: &Prices) -> Appraisal {
         let (mut cost, mut turned) = (f32x4::ZERO, f32x4::ZERO);
-        for block in &self.blocks {
-            cost += prices.of_samples(block.weight, block.nearest, block.turn);
-            turned += block.turn.simd_lt(f32x4::ZERO) & block.weight;
+        for Block { four, turn, .. } in &self.blocks {
+            cost += prices.of_samples(four.weight, four.squared, *turn);
+            turned += turn.simd_lt(f32x4::ZERO) & four.weight;
         }
         Appraisal { cost: cost.reduce_add() + planes.price(prices), turned: turned.reduce_add() }
     }
@@ -169,10 +168,10 @@ impl Patch {
         let mut sums = [f32x4::ZERO; 9];
         for k in 0..self.planes.len() {
             let plane = self.planes.get(k);
-            for block in &self.blocks[range(&self.starts, k, self.blocks.len())] {
-                let (foot, squared) = plane.approach(block.position);
-                let (lever, slope) = (plane.weight_of_first(foot), prices.slopes(block.weight, squared));
-                let local = minus(block.position, plane.origin);
+            for Block { four, .. } in &self.blocks[range(&self.starts, k, self.blocks.len())] {
+                let (foot, squared) = plane.approach(four.position);
+                let (lever, slope) = (plane.weight_of_first(foot), prices.slopes(four.weight, squared));
+                let local = minus(four.position, plane.origin);
                 let offset =
                     [dot(local, plane.along) - foot.x, dot(local, plane.across) - foot.y, dot(local, plane.normal)];
                 let length = squared.sqrt();
@@ -205,23 +204,9 @@ impl Patch {
 
     /// The sample nearest to `x` among those that look the way of `normal`.
     pub fn nearest_sample(&self, x: Vec3, normal: Vec3) -> Option<u32> {
-        let [at, normal] = [x, normal].map(|v| v.to_array().map(f32x4::splat));
-        let (mut best, mut ids) = (f32x4::splat(f32::INFINITY), [NONE; LANES]);
-        for block in &self.blocks {
-            let offset = minus(block.position, at);
-            let faces_along = dot(block.normal, normal).simd_gt(f32x4::ZERO) & block.weight.simd_gt(f32x4::ZERO);
-            let squared = faces_along.bitselect(dot(offset, offset), f32x4::splat(f32::INFINITY));
-            let closer = squared.simd_lt(best).to_bitmask();
-            best = best.fast_min(squared);
-            for (k, id) in ids.iter_mut().enumerate() {
-                if closer >> k & 1 == 1 {
-                    *id = block.ids[k];
-                }
-            }
-        }
-        let best = best.to_array();
-        let k = (0..LANES).min_by(|&a, &b| best[a].total_cmp(&best[b])).unwrap_or(0);
-        (ids[k] != NONE).then_some(ids[k])
+        let mut search = NearestSample::to(x);
+        self.blocks.iter().for_each(|block| search.look_at(&block.four, normal));
+        search.found()
     }
 }
 
@@ -235,11 +220,12 @@ fn range(starts: &[usize], triangle: usize, blocks: usize) -> Range<usize> {
 fn measure(planes: &Planes, index: usize, blocks: &mut [Block]) {
     let (plane, index) = (planes.get(index), f32x4::splat(index as f32));
     for block in blocks {
-        let (_, squared) = plane.approach(block.position);
-        let closer = squared.simd_lt(block.nearest);
-        block.nearest = squared.fast_min(block.nearest);
+        let four = &mut block.four;
+        let (_, squared) = plane.approach(four.position);
+        let closer = squared.simd_lt(four.squared);
+        four.squared = squared.fast_min(four.squared);
         block.which = closer.bitselect(index, block.which);
-        block.turn = closer.bitselect(dot(block.normal, plane.normal), block.turn);
+        block.turn = closer.bitselect(dot(four.normal, plane.normal), block.turn);
     }
 }
 

@@ -1,6 +1,7 @@
 //! What errors cost: one sum in which distance, its peaks, turned normals and needles are weighed against each other.
 
 use super::level::{Level, area, unit_normal};
+use crate::lanes::dot;
 use glam::Vec3;
 use wide::f32x4;
 
@@ -41,11 +42,11 @@ impl Prices {
             let normal = unit_normal(&triangle);
             faces += 1;
             surface += f64::from(area(&triangle));
-            for s in level.lists.of(f) {
-                let sample = &level.source.samples[s as usize];
-                squares += f64::from(sample.weight * level.lists.squared[s as usize]);
-                turned += f64::from(sample.weight * (1.0 - sample.normal.dot(normal)));
-                whole += f64::from(sample.weight);
+            let normal = normal.to_array().map(f32x4::splat);
+            for four in level.lists.of(f) {
+                squares += f64::from((four.weight * four.squared).reduce_add());
+                turned += f64::from((four.weight * (f32x4::ONE - dot(four.normal, normal))).reduce_add());
+                whole += f64::from(four.weight.reduce_add());
             }
         }
         if !(whole > 0.0 && surface > 0.0) {

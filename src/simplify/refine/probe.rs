@@ -2,10 +2,12 @@
 //! them that would tell.
 
 use super::level::{Level, area, centre, unit_normal};
+use super::lists::NearestSample;
 use super::source::Foot;
 use super::step::Step;
 use glam::Vec3;
 use smallvec::SmallVec;
+use wide::f32x4;
 
 /// Shares of a face's area that its centre, the middle of each edge and each corner stand for: exact for cubic functions.
 const CENTRE_SHARE: f32 = 9.0 / 20.0;
@@ -134,8 +136,8 @@ impl Level<'_> {
             foot.map_or(0.0, |foot| foot.distance_squared)
         });
         let corners = corners.map(|foot| foot.distance_squared);
-        let samples = self.lists.of(face).map(|s| self.lists.squared[s as usize]);
-        let mut worst = samples.chain(corners).chain(middles).fold(inner.distance_squared, f32::max);
+        let samples = self.lists.of(face).fold(f32x4::ZERO, |worst, four| worst.fast_max(four.squared)).to_array();
+        let mut worst = samples.into_iter().chain(corners).chain(middles).fold(inner.distance_squared, f32::max);
         if self.may_peak(worst) {
             let (inside, along) = BETWEEN.split_at(INSIDE);
             let edges = (0..3).filter(|&k| mine[k]).flat_map(|k| along.iter().map(move |at| blend(&from(k), at)));
@@ -153,15 +155,9 @@ impl Level<'_> {
 
     /// The source's closest point to a place on a face, from the face's nearest sample that looks its way or else from `start`.
     fn look_back_on(&self, face: usize, place: Vec3, normal: Vec3, start: u32) -> Foot {
-        let mut best = (f32::INFINITY, start);
-        for s in self.lists.of(face) {
-            let sample = &self.source.samples[s as usize];
-            let squared = sample.position.distance_squared(place);
-            if squared < best.0 && sample.normal.dot(normal) > 0.0 {
-                best = (squared, sample.face);
-            }
-        }
-        self.look_back(place, best.1)
+        let mut search = NearestSample::to(place);
+        self.lists.of(face).for_each(|four| search.look_at(four, normal));
+        self.look_back(place, search.found().map_or(start, |s| self.source.samples[s as usize].face))
     }
 }
 
