@@ -7,7 +7,7 @@ use super::level::Distance;
 use super::lists::{Lists, NONE};
 use super::nearest::NearestFace;
 use super::patch::Patch;
-use super::source::{Foot, Source, closest_point};
+use super::source::{Feature, Foot, Source, closest_point};
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 
@@ -108,9 +108,10 @@ impl Followed {
                     self.squared[s] = squared;
                     let face = Surface::face_of(ring[which]);
                     found[s] = face as u32;
-                    let corner = surface.face(face)[weightiest_corner(triangles[which], source.samples[s].position)];
+                    let (corner, is_inside) = weightiest_corner(triangles[which], source.samples[s].position);
+                    let corner = surface.face(face)[corner];
                     self.anchors[s] = corner;
-                    if corner != p {
+                    if corner != p && !is_inside {
                         moved.push((corner, id));
                     }
                 }
@@ -146,7 +147,7 @@ impl Followed {
             let x = source.samples[s].position;
             let foot = nearest.find(x, Foot { distance_squared: self.squared[s], point: x, face: found[s] });
             (self.squared[s], found[s]) = (foot.distance_squared, foot.face);
-            self.anchors[s] = surface.face(foot.face as usize)[weightiest_corner(triangle(foot.face), x)];
+            self.anchors[s] = surface.face(foot.face as usize)[weightiest_corner(triangle(foot.face), x).0];
         }
     }
 
@@ -164,20 +165,26 @@ impl Followed {
     /// Corners of the faces that samples lie on now become their anchors.
     pub fn move_anchors(&mut self, surface: &Surface, lists: &Lists) {
         for f in surface.live_faces() {
-            let corner = surface.face(f)[0];
-            lists.samples(f).for_each(|s| self.anchors[s as usize] = corner);
+            let corners = surface.face(f);
+            for s in lists.samples(f) {
+                let anchor = &mut self.anchors[s as usize];
+                if !corners.contains(anchor) {
+                    *anchor = corners[0];
+                }
+            }
         }
     }
 }
 
 /// The corner that counts most at the closest point: beyond it faces may be nearer. The corner nearest to `x` may lie on the wrong side.
-fn weightiest_corner(triangle: [Vec3; 3], x: Vec3) -> usize {
-    let (_, [a, b, c], _) = closest_point(triangle, x);
-    if a >= b && a >= c {
+fn weightiest_corner(triangle: [Vec3; 3], x: Vec3) -> (usize, bool) {
+    let (_, [a, b, c], feature) = closest_point(triangle, x);
+    let corner = if a >= b && a >= c {
         0
     } else if b >= c {
         1
     } else {
         2
-    }
+    };
+    (corner, feature == Feature::Inside)
 }
