@@ -9,7 +9,7 @@
 use super::constraints::{CONTINUES, Constraints, Locked, keep_outlines};
 use super::cost::{Candidate, Cost, Room, UNRANKED};
 use super::ends::Sweep;
-use super::fan::Fan;
+use super::fan::{Fan, distance_squared};
 use super::options::{AttributeWeights, Effort, Options, Placement};
 use super::placement::{Apex, Estimate, Facet, LANES, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
@@ -23,6 +23,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
 use std::any::Any;
+use std::borrow::Borrow;
 use std::mem::take;
 
 /// How much more normals and colours count where points stay.
@@ -34,6 +35,11 @@ const CURVATURE_IN_HASTE: f32 = 0.5;
 
 /// Variance of the normals around a point from which there is a crease, along which needles are no use.
 const CREASED: f64 = 0.05;
+
+/// Variance of the normals around a point that no crease of a right angle has: limbs, blades and tips do, and open borders with their planes.
+const TURNED_BACK: f32 = 0.5;
+/// Share of the area around such a point that counts as far off as the point: the distance falls off towards the faces that stay.
+const RETREAT: f32 = 0.25;
 
 pub(crate) struct Enhanced {
     constraints: Constraints,
@@ -165,6 +171,31 @@ impl Enhanced {
             cost += self.cost_of_attributes(surface, [a, b], pairs, position);
         }
         cost.is_finite().then_some(Candidate { cost, position })
+    }
+
+    /// What `candidate` costs besides where it leaves an end behind at which the surface turns back on itself: area · distance² from the faces around
+    /// the joined point. Planes tell little of it: those along a limb or a blade go on in the tip that is taken away.
+    fn with_retreat<M: Borrow<Merge>>(
+        &self,
+        surface: &Surface,
+        ends: [u32; 2],
+        candidate: Candidate,
+        merge: impl FnOnce() -> M,
+    ) -> Candidate {
+        let is_turned_back = ends.map(|end| self.apexes[end as usize].varies_by(TURNED_BACK));
+        if is_turned_back == [false; 2] {
+            return candidate;
+        }
+        let merge = merge();
+        let rims = merge.borrow().rims();
+        let from = |p: u32| (surface.points[p as usize] - candidate.position).as_vec3();
+        let lost = |end: u32| {
+            let squared = distance_squared(from(end), rims.len(), |i| rims[i].map(from));
+            f64::from(RETREAT * self.apexes[end as usize].weight() * squared)
+        };
+        let lost: f64 = ends.into_iter().zip(is_turned_back).map(|(end, is)| if is { lost(end) } else { 0.0 }).sum();
+        let factor = self.subject(surface, ends, None).factor(self.options.curvature_weight);
+        Candidate { cost: candidate.cost + lost * factor, ..candidate }
     }
 
     /// Keeps what the next refresh cannot find again.
@@ -299,7 +330,8 @@ impl Cost for Enhanced {
         }
         let at_both = |&&c: &&u32| surface.opposite(c).contains(&b);
         let faces = surface.ring(a).iter().filter(at_both).map(|&c| Surface::face_of(c));
-        self.judge_between(surface, [a, b], faces, &self.pairs(surface, [a, b]), fixed)
+        let candidate = self.judge_between(surface, [a, b], faces, &self.pairs(surface, [a, b]), fixed)?;
+        Some(self.with_retreat(surface, [a, b], candidate, || Merge::new(surface, a, b)))
     }
 
     fn judge_merge(&self, surface: &Surface, merge: &Merge, fixed: Option<DVec3>) -> Option<Candidate> {
@@ -307,7 +339,8 @@ impl Cost for Enhanced {
         if self.at_ends {
             return self.judge_ends(surface, ends[0], ends[1], fixed);
         }
-        self.judge_between(surface, ends, merge.faces(), &merge.pairs, fixed)
+        let candidate = self.judge_between(surface, ends, merge.faces(), &merge.pairs, fixed)?;
+        Some(self.with_retreat(surface, ends, candidate, || merge))
     }
 
     fn rank_hub(&self, surface: &Surface, hub: u32, around: &[u32], costs: &mut [f32]) {

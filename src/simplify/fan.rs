@@ -4,7 +4,7 @@ use super::guard::Cause;
 use crate::lanes::{Vec3x4, cross, dot, gather, minus};
 use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::Merge;
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use wide::f32x4;
 
 const LANES: usize = 4;
@@ -64,6 +64,34 @@ pub(crate) fn is_any_poor(surface: &Surface, corners: &[Corner], limit: f32) -> 
     })
 }
 
+/// Square of the distance from `point` to the nearest of `count` faces, which the origin has with each `rim`.
+pub(super) fn distance_squared(point: Vec3, count: usize, rim: impl Fn(usize) -> [Vec3; 2]) -> f32 {
+    let (zero, point) = (f32x4::ZERO, point.to_array().map(f32x4::splat));
+    // The origin itself is there in any case.
+    let mut least = dot(point, point);
+    for start in (0..count).step_by(LANES) {
+        // The last four are filled up with copies.
+        let four = [0, 1, 2, 3].map(|lane: usize| rim((start + lane).min(count - 1)));
+        let (first, second) = (gather(four.map(|rim| rim[0])), gather(four.map(|rim| rim[1])));
+        let normal = cross(first, second);
+        let area = dot(normal, normal);
+        let (v, w) = (dot(cross(point, second), normal), dot(cross(first, point), normal));
+        let is_above = v.simd_ge(zero) & w.simd_ge(zero) & (v + w).simd_le(area) & area.simd_gt(zero);
+        let to_edge = |from: Vec3x4, along: Vec3x4| {
+            let off = minus(point, from);
+            let share = dot(off, along) / dot(along, along).fast_max(f32x4::splat(f32::MIN_POSITIVE));
+            let share = share.fast_max(zero).fast_min(f32x4::ONE);
+            let off = minus(off, along.map(|x| x * share));
+            dot(off, off)
+        };
+        let spokes = to_edge([zero; 3], first).fast_min(to_edge([zero; 3], second));
+        let edges = spokes.fast_min(to_edge(first, minus(second, first)));
+        let height = dot(normal, point);
+        least = least.fast_min(is_above.select(height * height / area, edges));
+    }
+    least.to_array().into_iter().fold(f32::INFINITY, f32::min)
+}
+
 impl Fan {
     /// Looks at the faces that `merge` leaves, with the joined point at `position`, from the spoke `first` on; gives the least quality among them:
     /// 4√3 · area / Σ edge², 1 for an equilateral triangle, 0 for a degenerate one.
@@ -102,6 +130,7 @@ impl Fan {
 
 #[cfg(test)]
 mod tests {
+    use super::super::refine::closest_point;
     use super::*;
     use crate::mesh::Mesh;
     use proptest::prelude::*;
@@ -130,6 +159,19 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn the_nearest_of_some_faces(
+            point in prop::array::uniform3(-1.0f32..1.0),
+            rims in prop::collection::vec(prop::array::uniform2(prop::array::uniform3(-1.0f32..1.0)), 0..12),
+        ) {
+            let point = Vec3::from(point);
+            let faces = rims.iter().map(|&[q, r]| [Vec3::ZERO, Vec3::from(q), Vec3::from(r)]);
+            let squared = faces.map(|face| closest_point(face, point).0.distance_squared(point));
+            let expected = squared.fold(point.length_squared(), f32::min);
+            let found = distance_squared(point, rims.len(), |i| rims[i].map(Vec3::from));
+            prop_assert!((found - expected).abs() < 1e-5, "{} {}", found, expected);
+        }
+
         #[test]
         fn four_at_a_time_are_as_good_as_one(
             heights in prop::collection::vec(-0.3f32..0.3, 8..13).prop_map(|mut h| { h.truncate(h.len() / 4 * 4); h }),

@@ -77,6 +77,12 @@ impl Apex {
         if self.weight() > 0.0 { f64::from((xx + yy + zz) / self.weight()) } else { 0.0 }
     }
 
+    /// Whether the normals around the point vary by more than that.
+    #[inline]
+    pub fn varies_by(&self, variance: f32) -> bool {
+        self.spread[0] + self.spread[3] + self.rest[1] > variance * self.mean[0]
+    }
+
     fn mean(&self) -> Vec3 {
         Vec3::new(self.mean[1], self.mean[2], self.mean[3])
     }

@@ -282,3 +282,23 @@ fn a_pass_ends_where_costs_vanish_in_single_precision() {
     passes::run(&mut reducer, &mut passes::Workspace::default(), target);
     assert!(reducer.surface.face_count() < 2 * target);
 }
+
+#[test]
+fn the_end_of_a_bar_is_dearer_than_its_width() {
+    let corner = |i: u32| [(i & 1) as f32 * 0.1, (i >> 1 & 1) as f32 * 0.1, (i >> 2) as f32];
+    let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let bar = Mesh {
+        positions: (0..8).map(corner).collect(),
+        triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        ..Mesh::default()
+    };
+    let mut reducer = Reducer::new(&bar, &Options::default());
+    reducer.refresh();
+    let shortest = |ends: fn(f64) -> bool| {
+        let length = |e: &&Edge| reducer.surface.points[e.a as usize].distance(reducer.surface.points[e.b as usize]);
+        let edges = reducer.edges.iter().filter(|e| ends(length(e)));
+        edges.filter_map(|e| reducer.judge(e.a, e.b)).map(|c| c.cost).fold(f64::INFINITY, f64::min)
+    };
+    let (across, along) = (shortest(|length| length < 0.12), shortest(|length| length > 0.9));
+    assert!(along > 20.0 * across, "{along} {across}");
+}
