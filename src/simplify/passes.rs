@@ -35,12 +35,15 @@ struct Order {
 }
 
 impl Order {
-    fn of(reducer: &Reducer) -> Self {
+    /// `is_start`: whether nothing has collapsed yet.
+    fn of(reducer: &Reducer, is_start: bool) -> Self {
         let (trust, reorder, kept, attributes_lag) = match (reducer.goes_to_ends(), reducer.effort()) {
             // Which points stay is all there is to choose: their attributes are always as they are now.
             (true, _) => (1.0, 1.3, KEPT, reducer.cost.metric().is_empty()),
             (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 1.7, KEPT, false),
             (_, Effort::Fast) => (1.0, 1.25, KEPT, true),
+            // The collapses that follow make up for what these do.
+            (_, Effort::Default) if is_start => (0.8, 1.3, KEPT, false),
             (_, Effort::Default) => (0.6, 1.1, 1.0, false),
             (_, Effort::Best) => (0.4, 1.02, 1.0, false),
         };
@@ -58,6 +61,8 @@ const GONE: u32 = PAID - 1;
 /// What the schedule knows between two calls.
 #[derive(Debug)]
 pub(crate) struct Workspace {
+    /// Of the last fill; `None` before there was one.
+    order: Option<Order>,
     queue: Buckets,
     costs: Vec<f32>,
     /// Around the last joined point.
@@ -102,6 +107,7 @@ pub(crate) fn run(reducer: &mut Reducer, workspace: &mut Workspace, target: usiz
 impl Default for Workspace {
     fn default() -> Self {
         Self {
+            order: None,
             queue: Buckets::default(),
             costs: Vec::new(),
             around: Vec::new(),
@@ -122,14 +128,16 @@ impl Workspace {
 
     /// Looks at everything, in parts first where that is worth it; gives the number of faces down to which it serves.
     fn fill(&mut self, reducer: &mut Reducer, target: usize) -> usize {
+        let mut order = Order::of(reducer, self.order.is_none());
         let limit = |reducer: &Reducer| (reducer.surface.face_count() as f64 * REFILL) as usize;
         let mut is_going_on = true;
         while is_going_on && parts::is_worthwhile(reducer, target, 0) {
             let next = target.max(limit(reducer));
-            is_going_on = parts::reduce(reducer, next);
+            is_going_on = parts::reduce(reducer, next, order);
+            order = Order::of(reducer, false);
         }
-        let share = if take(&mut self.needs_all) { 1.0 } else { Order::of(reducer).kept };
-        self.look_at_all(reducer, reducer.surface.points.len(), share);
+        let share = if take(&mut self.needs_all) { 1.0 } else { order.kept };
+        self.look_at_all(reducer, order, reducer.surface.points.len(), share);
         self.pieces = reducer.pieces().into_iter().peekable();
         let limit = limit(reducer);
         self.serves_to = Some(limit);
@@ -137,11 +145,11 @@ impl Workspace {
     }
 
     /// Looks at everything, and keeps the cheapest `share` of it. Points from `inner` on stay as they are.
-    fn look_at_all(&mut self, reducer: &mut Reducer, inner: usize, share: f64) {
+    fn look_at_all(&mut self, reducer: &mut Reducer, order: Order, inner: usize, share: f64) {
+        self.order = Some(order);
         reducer.refresh();
         reducer.rank(&mut self.costs);
-        let trust = Order::of(reducer).trust;
-        self.costs.iter_mut().for_each(|cost| *cost *= trust);
+        self.costs.iter_mut().for_each(|cost| *cost *= order.trust);
         let points = reducer.surface.points.len();
         if inner < points {
             let is_inner = |edge: &Edge| (edge.a.max(edge.b) as usize) < inner;
@@ -159,7 +167,7 @@ impl Workspace {
 
     /// Collapses down to `limit` faces, `target` at the end of all, by the buckets below `end`; gives whether there are so few now.
     fn drain(&mut self, reducer: &mut Reducer, target: usize, limit: usize, end: usize) -> bool {
-        let Order { reorder, attributes_lag, .. } = Order::of(reducer);
+        let Some(order) = self.order else { return true };
         while reducer.surface.face_count() > limit {
             let joined = |p: u32| self.marks[p as usize] & !STALE;
             let is_current = |entry: Entry| entry.time & !PAID >= joined(entry.a).max(joined(entry.b));
@@ -175,7 +183,7 @@ impl Workspace {
                 let mark = &mut self.marks[p as usize];
                 if *mark & STALE != 0 {
                     *mark &= !STALE;
-                    if attributes_lag {
+                    if order.attributes_lag {
                         reducer.cost.update_shape(&reducer.surface, p);
                     } else {
                         reducer.cost.update(&reducer.surface, p);
@@ -183,14 +191,14 @@ impl Workspace {
                 }
             }
             let Some(candidate) = reducer.look_and_judge(a, b) else { continue };
-            let most = cost * reorder;
+            let most = cost * order.reorder;
             if candidate.cost as f32 > most {
                 self.queue.push(candidate.cost as f32, entry);
                 continue;
             }
             let terms = Terms { paid: entry.time != time, most: left + 1, limit: f64::from(most) };
             match reducer.collapse_looked_at(candidate, terms) {
-                Outcome::Done { kept, gone } => self.requeue(reducer, kept, gone),
+                Outcome::Done { kept, gone } => self.requeue(reducer, order.trust, kept, gone),
                 Outcome::Fined(cost) => self.queue.push(cost as f32, Entry { time: time | PAID, ..entry }),
                 Outcome::Later(cost) => self.queue.push(cost as f32, entry),
                 Outcome::Refused => {}
@@ -200,13 +208,12 @@ impl Workspace {
     }
 
     /// Ranks the edges of a joined point anew.
-    fn requeue(&mut self, reducer: &mut Reducer, kept: u32, gone: u32) {
+    fn requeue(&mut self, reducer: &mut Reducer, trust: f32, kept: u32, gone: u32) {
         self.time += 1;
         self.marks[kept as usize] = self.time;
         self.marks[gone as usize] = GONE;
         reducer.cost.update(&reducer.surface, kept);
         reducer.rank_joined(&mut self.around, &mut self.costs);
-        let trust = Order::of(reducer).trust;
         for (&other, &cost) in self.around.iter().zip(&self.costs) {
             let mark = &mut self.marks[other as usize];
             *mark |= STALE;

@@ -294,11 +294,11 @@ fn the_end_of_a_bar_is_dearer_than_its_width() {
     };
     let mut reducer = Reducer::new(&bar, &Options::default());
     reducer.refresh();
-    let shortest = |ends: fn(f64) -> bool| {
+    let cheapest = |ends: fn(f64) -> bool| {
         let length = |e: &&Edge| reducer.surface.points[e.a as usize].distance(reducer.surface.points[e.b as usize]);
         let edges = reducer.edges.iter().filter(|e| ends(length(e)));
         edges.filter_map(|e| reducer.judge(e.a, e.b)).map(|c| c.cost).fold(f64::INFINITY, f64::min)
     };
-    let (across, along) = (shortest(|length| length < 0.12), shortest(|length| length > 0.9));
+    let (across, along) = (cheapest(|length| length < 0.12), cheapest(|length| length > 0.9));
     assert!(along > 20.0 * across, "{along} {across}");
 }

@@ -38,16 +38,16 @@ pub(super) fn is_worthwhile(reducer: &Reducer, target: usize, least: usize) -> b
 }
 
 /// Reduces the surface to a little above `target` faces; gives whether it came near.
-pub(super) fn reduce(reducer: &mut Reducer, target: usize) -> bool {
+pub(super) fn reduce(reducer: &mut Reducer, target: usize, order: Order) -> bool {
     let faces = reducer.surface.face_count();
     let gone = Gone::of(&reducer.pieces());
     let count = faces.div_ceil(MOST).max(2);
-    let mut parts: Vec<Part> = reducer.split(count).into_par_iter().map(Part::new).collect();
+    let mut parts: Vec<Part> = reducer.split(count).into_par_iter().map(|part| Part::new(part, order)).collect();
     let rim: usize = parts.iter().map(Part::rim_faces).sum();
     // The rim will have its share gone, too.
     let goal = rim + (target as f64 / faces as f64 * (faces - rim) as f64) as usize;
     let to_do = (1.0 - SLACK) * (faces - goal) as f64;
-    reduce_parts(&mut parts, |end| to_do - gone.get_up_to(end));
+    reduce_parts(&mut parts, order.kept, |end| to_do - gone.get_up_to(end));
     let parts: Vec<_> = parts.into_iter().map(|part| (part.region, part.reducer)).collect();
     reducer.join(parts);
     reducer.surface.face_count() < target.midpoint(faces)
@@ -79,9 +79,9 @@ struct Part {
 }
 
 impl Part {
-    fn new((region, mut reducer): (Region, Reducer)) -> Self {
+    fn new((region, mut reducer): (Region, Reducer), order: Order) -> Self {
         let mut workspace = Workspace::default();
-        workspace.look_at_all(&mut reducer, region.inner, 1.0);
+        workspace.look_at_all(&mut reducer, order, region.inner, 1.0);
         Self { region, reducer, workspace }
     }
 
@@ -127,11 +127,9 @@ impl Start {
 }
 
 /// Reduces parts by as many faces together as is `to_do` up to a bucket, up to the same cost in all of them.
-fn reduce_parts(parts: &mut [Part], to_do: impl Fn(usize) -> f64) {
+fn reduce_parts(parts: &mut [Part], kept: f64, to_do: impl Fn(usize) -> f64) {
     let whole = Start::of(parts.iter());
-    if let Some(Order { kept, .. }) =
-        parts.first().map(|part| Order::of(&part.reducer)).filter(|order| order.kept < 1.0)
-    {
+    if kept < 1.0 {
         let most = kept * whole.below[BUCKETS] as f64;
         let dear = whole.below.partition_point(|below| (*below as f64) < most);
         parts.iter_mut().for_each(|part| part.workspace.queue.leave_out(dear));
@@ -191,7 +189,8 @@ mod tests {
             let target = (mesh.triangles.len() as f64 * share) as usize;
             if in_parts {
                 let before = reducer.surface.face_count();
-                assert!(reduce(&mut reducer, target));
+                let order = Order::of(&reducer, before == mesh.triangles.len());
+                assert!(reduce(&mut reducer, target, order));
                 let rest = reducer.surface.face_count().abs_diff(target);
                 assert!(rest * 5 < before - target, "{rest} faces from the goal");
             }
@@ -228,7 +227,8 @@ mod tests {
         let mesh = Mesh { positions, triangles, ..Mesh::default() };
         let target = mesh.triangles.len() / 2;
         let mut reducer = Reducer::new(&mesh, &Options::default());
-        reduce(&mut reducer, target);
+        let order = Order::of(&reducer, true);
+        reduce(&mut reducer, target, order);
         assert!(reducer.surface.face_count() >= target);
     }
 }

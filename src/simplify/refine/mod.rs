@@ -107,7 +107,7 @@ impl Budget {
             _ => Self {
                 inside: 0.5,
                 samples: 4.0,
-                vertices: 8,
+                vertices: 6,
                 rounds: 1,
                 exchanges: 0,
                 promise: 0.02,
