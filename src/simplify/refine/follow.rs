@@ -56,7 +56,8 @@ impl Followed {
     ) {
         let mut found = self.go_downhill(surface, source, chosen, patch);
         self.search_far_ones(surface, source, &mut found);
-        lists.reset(surface.face_slots());
+        let count = found.iter().take(source.held_out).filter(|&&face| face != NONE).count();
+        lists.reset(surface.face_slots(), count);
         for (s, &face) in found.iter().enumerate().take(source.held_out) {
             if face != NONE {
                 lists.push(face as usize, s as u32, &source.samples[s], self.squared[s]);

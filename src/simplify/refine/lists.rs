@@ -90,10 +90,11 @@ impl Default for Lists {
 }
 
 impl Lists {
-    /// Empty ones for so many faces.
-    pub fn reset(&mut self, faces: usize) {
+    /// Empty ones for so many faces, which will have about so many samples.
+    pub fn reset(&mut self, faces: usize, samples: usize) {
         self.heads.clear();
         self.blocks.clear();
+        self.blocks.reserve_exact(samples / LANES);
         self.free = NONE;
         self.grow(faces);
     }
@@ -181,6 +182,10 @@ impl Lists {
                 at
             }
             None => {
+                if self.blocks.len() == self.blocks.capacity() {
+                    // Doubling would leave much of what is the most memory of all unused.
+                    self.blocks.reserve_exact(self.blocks.len() / 8 + 64);
+                }
                 self.blocks.push(block);
                 self.blocks.len() as u32 - 1
             }
@@ -243,7 +248,7 @@ mod tests {
         #[test]
         fn samples_are_where_they_were_put(moves in prop::collection::vec((0usize..4, 0usize..4), 0..60)) {
             let mut lists = Lists::default();
-            lists.reset(4);
+            lists.reset(4, moves.len());
             let mut expected = vec![Vec::new(); 4];
             for (id, &(face, _)) in (0..).zip(&moves) {
                 lists.push(face, id, &sample(id), id as f32);
@@ -280,7 +285,7 @@ mod tests {
     #[test]
     fn the_nearest_sample_that_looks_that_way() {
         let mut lists = Lists::default();
-        lists.reset(1);
+        lists.reset(1, 7);
         for id in 0..7 {
             let normal = if id == 3 { -Vec3::Z } else { Vec3::Z };
             lists.push(0, id, &Sample { normal, ..sample(id) }, 0.0);
