@@ -144,7 +144,7 @@ impl Refiner {
 
     /// Looks for the faces of samples anew.
     fn assign(&mut self, surface: &Surface, samples: impl Iterator<Item = usize>) {
-        self.followed.assign(surface, &self.source, samples, &mut self.lists, &mut self.patch);
+        self.followed.assign(surface, &self.source, samples, &mut self.lists);
     }
 
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives

@@ -4,7 +4,6 @@
 use super::lists::{Four, LANES, Lists, NONE, NearestSample};
 use super::plane::Planes;
 use super::prices::Prices;
-use super::source::Sample;
 use super::step::Step;
 use crate::lanes::{Vec3x4, dot, minus};
 use glam::Vec3;
@@ -37,8 +36,6 @@ pub(super) struct Patch {
     blocks: Vec<Block>,
     /// First block of each triangle.
     starts: Vec<usize>,
-    /// Lanes taken in the last block.
-    taken: usize,
     /// The triangles as they are, and those tried in their place.
     pub planes: Planes,
     pub tried: Planes,
@@ -53,21 +50,6 @@ impl Patch {
     /// Samples pushed from now on belong to the next triangle.
     pub fn start_triangle(&mut self) {
         self.starts.push(self.blocks.len());
-        self.taken = LANES;
-    }
-
-    /// Adds a sample of the current triangle, with its squared distance as far as that is known.
-    pub fn push(&mut self, id: u32, sample: &Sample, squared: f32) {
-        match self.blocks.last_mut().filter(|_| self.taken < LANES) {
-            Some(block) => {
-                block.four.set(self.taken, id, sample, squared);
-                self.taken += 1;
-            }
-            None => {
-                self.push_four(&Four::new(id, sample, squared));
-                self.taken = 1;
-            }
-        }
     }
 
     /// Adds four samples of the current triangle.
@@ -80,15 +62,6 @@ impl Patch {
     pub fn can_judge(&self) -> bool {
         let samples: usize = self.blocks.iter().map(|b| b.four.samples().count()).sum();
         samples >= FEWEST_SAMPLES * self.starts.len()
-    }
-
-    /// Each sample with its squared distance and the index of its triangle.
-    pub fn found(&self) -> impl Iterator<Item = (u32, f32, usize)> + '_ {
-        let samples = |b: &'_ Block| {
-            let (squared, which, ids) = (b.four.squared.to_array(), b.which.to_array(), b.four.ids);
-            (0..LANES).map(move |k| (ids[k], squared[k], which[k] as usize))
-        };
-        self.blocks.iter().flat_map(samples).filter(|(id, ..)| *id != NONE)
     }
 
     /// Gives the samples to the faces that are the triangles now.
@@ -140,7 +113,7 @@ impl Patch {
     }
 
     /// Finds the nearest of any `triangles` for every sample.
-    pub fn find_nearest(&mut self, triangles: &[[Vec3; 3]]) {
+    fn find_nearest(&mut self, triangles: &[[Vec3; 3]]) {
         self.tried.fill(triangles);
         self.forget();
         for k in 0..triangles.len() {
@@ -231,7 +204,7 @@ fn measure(planes: &Planes, index: usize, blocks: &mut [Block]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::source::closest_point;
+    use super::super::source::{Sample, closest_point};
     use super::*;
     use proptest::prelude::*;
 
@@ -248,16 +221,15 @@ mod tests {
             points in prop::collection::vec(vector(), 1..20),
         ) {
             let mut patch = Patch::default();
-            patch.clear();
             patch.start_triangle();
             for (&position, id) in points.iter().zip(0..) {
-                patch.push(id, &Sample { position, weight: 1.0, normal: Vec3::Z, face: 0 }, 0.0);
+                let sample = Sample { position, weight: 1.0, normal: Vec3::Z, face: 0 };
+                patch.push_four(&Four::new(id, &sample, 0.0));
             }
             patch.find_nearest(&triangles);
-            let found: Vec<_> = patch.found().collect();
-            prop_assert_eq!(found.len(), points.len());
-            for (id, squared, which) in found {
-                let to = |t: &[Vec3; 3]| closest_point(*t, points[id as usize]).0.distance_squared(points[id as usize]);
+            for (Block { four, which, .. }, &point) in patch.blocks.iter().zip(&points) {
+                let (squared, which) = (four.squared.to_array()[0], which.to_array()[0] as usize);
+                let to = |t: &[Vec3; 3]| closest_point(*t, point).0.distance_squared(point);
                 let nearest = triangles.iter().map(to).fold(f32::INFINITY, f32::min);
                 prop_assert!((squared.sqrt() - nearest.sqrt()).abs() < 1e-3, "{} {}", squared, nearest);
                 prop_assert!((to(&triangles[which]).sqrt() - nearest.sqrt()).abs() < 1e-3);
@@ -270,7 +242,8 @@ mod tests {
         let fan = [[Vec3::ZERO, Vec3::X, Vec3::Y]];
         let mut patch = Patch::default();
         patch.start_triangle();
-        patch.push(0, &Sample { position: Vec3::Z * 0.1, weight: 1.0, normal: Vec3::Z, face: 0 }, 0.01);
+        let sample = Sample { position: Vec3::Z * 0.1, weight: 1.0, normal: Vec3::Z, face: 0 };
+        patch.push_four(&Four::new(0, &sample, 0.01));
         let prices = Prices::default();
         patch.look(&fan, &prices);
         let mut step = Step::default();

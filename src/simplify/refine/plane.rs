@@ -40,11 +40,13 @@ pub(super) struct Plane {
     solid: f32x4,
 }
 
-/// Places in a triangle's plane.
+/// Places in triangles, in their planes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
     pub x: f32x4,
     pub y: f32x4,
+    /// Mask: those straight below what they are the closest to; the others are on an edge or a corner.
+    pub inside: f32x4,
 }
 
 impl Planes {
@@ -188,7 +190,7 @@ impl Plane {
         let closer = d3.simd_lt(d);
         let (px, py, d) = (closer.bitselect(third[0], px), closer.bitselect(third[1], py), d3.fast_min(d));
         let inside = self.solid & y.simd_ge(f32x4::ZERO) & (ex * y).simd_ge(cy * bx) & (cx * y).simd_le(cy * x);
-        let places = Places { x: inside.bitselect(x, px), y: inside.bitselect(y, py) };
+        let places = Places { x: inside.bitselect(x, px), y: inside.bitselect(y, py), inside };
         (places, height * height + (d & !inside))
     }
 
@@ -202,5 +204,15 @@ impl Plane {
     /// The first corner's share at these places.
     pub fn weight_of_first(&self, places: Places) -> f32x4 {
         f32x4::ONE + self.falls[0] * places.x + self.falls[1] * places.y
+    }
+
+    /// Which corner's share is largest at these places: 0, 1 or 2; of triangles without an area the first.
+    #[inline(always)]
+    pub fn weightiest_corner(&self, places: Places) -> f32x4 {
+        let first = self.weight_of_first(places);
+        let third = self.solid & (places.y / self.apex[1]);
+        let second = f32x4::ONE - first - third;
+        let corner = second.simd_gt(first) & f32x4::ONE;
+        third.simd_gt(first.fast_max(second)).bitselect(f32x4::splat(2.0), corner)
     }
 }

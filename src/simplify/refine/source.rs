@@ -14,8 +14,9 @@ const HELD_OUT: usize = 3;
 /// A source surface in the unit frame, single precision: made once for a chain.
 #[derive(Debug)]
 pub(crate) struct Source {
-    points: Vec<Vec3>,
     faces: Vec<[u32; 3]>,
+    /// Positions of the faces, side by side: walks look at little else.
+    triangles: Vec<[Vec3; 3]>,
     /// Faces around each point, `starts[p]..starts[p + 1]` of `around`.
     starts: Vec<u32>,
     around: Vec<u32>,
@@ -56,15 +57,15 @@ impl Source {
         let room = Room::of(&surface.points);
         let (vertices, between) = take_samples(&points, &faces, inside);
         let mut samples = sort_in_space(&vertices);
-        let triangle = |f: u32| faces[f as usize].map(|p| points[p as usize]);
-        let nearest = NearestFace::new(&(0..faces.len() as u32).collect::<Vec<_>>(), triangle);
+        let triangles: Vec<[Vec3; 3]> = faces.iter().map(|face| face.map(|p| points[p as usize])).collect();
+        let nearest = NearestFace::new(&(0..faces.len() as u32).collect::<Vec<_>>(), |f| triangles[f as usize]);
         let is_held_out = |&(k, _): &(usize, &Sample)| k % HELD_OUT == HELD_OUT - 1;
         let between = sort_in_space(&between);
         let (judges, others): (Vec<_>, Vec<_>) = between.iter().enumerate().partition(is_held_out);
         samples.extend(others.into_iter().map(|(_, s)| s));
         let held_out = samples.len();
         samples.extend(judges.into_iter().map(|(_, s)| s));
-        Self { points, faces, starts, around, samples, vertices: vertices.len(), held_out, nearest, room }
+        Self { faces, triangles, starts, around, samples, vertices: vertices.len(), held_out, nearest, room }
     }
 
     /// The samples for a level: the vertices, evenly thinned out to not much more than `most`, and as many of the others as give `wanted`, but half as
@@ -82,7 +83,7 @@ impl Source {
 
     /// Positions of a face.
     pub fn triangle(&self, face: u32) -> [Vec3; 3] {
-        self.faces[face as usize].map(|p| self.points[p as usize])
+        self.triangles[face as usize]
     }
 
     /// A point of the source near a sample.
