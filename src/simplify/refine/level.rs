@@ -147,7 +147,7 @@ impl Level<'_> {
     pub fn settle(&mut self, old: &[usize], faces: &[usize]) {
         for &f in old {
             self.lists.empty(f);
-            self.spots[f] = Spots::UNKNOWN;
+            self.spots[f] = if faces.contains(&f) { self.spots[f].moved() } else { Spots::UNKNOWN };
         }
         self.patch.hand_over(faces, self.lists);
     }

@@ -2,7 +2,7 @@
 //! them that would tell.
 
 use super::level::{Level, area, centre, unit_normal};
-use super::lists::NearestSample;
+use super::lists::{NONE, NearestSample};
 use super::source::Foot;
 use super::step::Step;
 use glam::Vec3;
@@ -38,10 +38,18 @@ pub(super) struct Spots {
     pub worst: f32,
     /// The integral of the squared distances of its places.
     pub squares: f32,
+    /// The source's faces closest to its centre and the middles of its edges when somebody looked last: `NONE` where nobody has. From there it is
+    /// not far after a move.
+    feet: [u32; 4],
 }
 
 impl Spots {
-    pub const UNKNOWN: Self = Self { worst: -1.0, squares: 0.0 };
+    pub const UNKNOWN: Self = Self { worst: -1.0, squares: 0.0, feet: [NONE; 4] };
+
+    /// Of the same face with other corners.
+    pub fn moved(self) -> Self {
+        Self { feet: self.feet, ..Self::UNKNOWN }
+    }
 }
 
 pub(super) type Probes = SmallVec<[Probe; 32]>;
@@ -127,14 +135,21 @@ impl Level<'_> {
         let (area, normal) = (area(&triangle), unit_normal(&triangle));
         let own = self.surface.face(face);
         let corners = own.map(|p| self.foot(p));
-        let inner = self.look_back_on(face, centre(&triangle), normal, corners[0].face);
+        let [at_inner, at_middles @ ..] = self.spots[face].feet;
+        let look = |place: Vec3, last: u32, corner: Foot| match last {
+            NONE => self.look_back_on(face, place, normal, corner.face),
+            last => self.look_back(place, last),
+        };
+        let inner = look(centre(&triangle), at_inner, corners[0]);
         let from = |k: usize| [k, (k + 1) % 3, (k + 2) % 3].map(|k| triangle[k]);
         let mine = [0, 1, 2].map(|k| own[k] < own[(k + 1) % 3]);
         let middles = [0, 1, 2].map(|k| {
             let [p, q, _] = from(k);
-            let foot = mine[k].then(|| self.look_back_on(face, p.midpoint(q), normal, corners[k].face));
-            foot.map_or(0.0, |foot| foot.distance_squared)
+            mine[k].then(|| look(p.midpoint(q), at_middles[k], corners[k]))
         });
+        let [first, second, third] = middles.map(|foot| foot.map_or(NONE, |foot| foot.face));
+        let feet = [inner.face, first, second, third];
+        let middles = middles.map(|foot| foot.map_or(0.0, |foot| foot.distance_squared));
         let corners = corners.map(|foot| foot.distance_squared);
         let samples = self.lists.of(face).fold(f32x4::ZERO, |worst, four| worst.fast_max(four.squared)).to_array();
         let mut worst = samples.into_iter().chain(corners).chain(middles).fold(inner.distance_squared, f32::max);
@@ -149,6 +164,7 @@ impl Level<'_> {
         let inner = inner.distance_squared;
         Spots {
             worst,
+            feet,
             squares: area * (inner * CENTRE_SHARE + sum(middles) * 2.0 * MIDDLE_SHARE + sum(corners) * CORNER_SHARE),
         }
     }
