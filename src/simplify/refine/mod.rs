@@ -96,7 +96,7 @@ impl Budget {
         match effort {
             Effort::Best => Self {
                 inside: 4.0,
-                samples: 16.0,
+                samples: 24.0,
                 vertices: 64,
                 rounds: 2,
                 exchanges: 1,
@@ -106,8 +106,8 @@ impl Budget {
             },
             _ => Self {
                 inside: 0.5,
-                samples: 4.0,
-                vertices: 6,
+                samples: 6.0,
+                vertices: 8,
                 rounds: 1,
                 exchanges: 0,
                 promise: 0.02,

@@ -5,7 +5,6 @@ use crate::mesh::order::order_in_space;
 use crate::mesh::surface::Surface;
 use crate::simplify::cost::Room;
 use glam::Vec3;
-use std::iter::StepBy;
 use std::ops::Range;
 
 /// One in so many samples inside faces is held out.
@@ -68,7 +67,7 @@ impl Source {
         Self { faces, triangles, starts, around, samples, vertices: vertices.len(), held_out, nearest, room }
     }
 
-    /// The samples for a level: the vertices, evenly thinned out to not much more than `most`, and as many of the others as give `wanted`, but half as
+    /// The samples for a level: the vertices, evenly thinned out to `most`, and as many of the others as give `wanted`, but half as
     /// many at least: vertices do not tell of what lies between them.
     pub fn choose(&self, wanted: usize, most: usize) -> impl Iterator<Item = usize> + use<> {
         let (vertices, all) = (self.vertices, self.held_out);
@@ -76,7 +75,7 @@ impl Source {
         thin_out(0..vertices, most).chain(thin_out(vertices..all, others))
     }
 
-    /// Of the samples that no move knows not much more than `most`.
+    /// Of the samples that no move knows `most` at most.
     pub fn judges(&self, most: usize) -> impl Iterator<Item = usize> + Clone + use<> {
         thin_out(self.held_out..self.samples.len(), most)
     }
@@ -190,10 +189,10 @@ pub(crate) fn closest_point([a, b, c]: [Vec3; 3], x: Vec3) -> (Vec3, [f32; 3], F
     (a + ab * v + ac * w, [1.0 - v - w, v, w], Feature::Inside)
 }
 
-/// Not much more than `most` of these samples, evenly; one at least.
-fn thin_out(samples: Range<usize>, most: usize) -> StepBy<Range<usize>> {
-    let step = samples.len() / most.max(1);
-    samples.step_by(step.max(1))
+/// `most` of these samples at most, evenly.
+fn thin_out(samples: Range<usize>, most: usize) -> impl Iterator<Item = usize> + Clone {
+    let (all, kept) = (samples.len(), samples.len().min(most));
+    (0..kept).map(move |k| samples.start + k * all / kept)
 }
 
 /// Vertices, where the peaks are, and places inside of faces, evenly by area: large faces have more of them. Both kinds share the area.
