@@ -22,10 +22,14 @@ pub(super) enum Manner {
 /// Cosines of the angles to the source's normal from which a face looks away, and from which it is turned over.
 const AWAY_COSINES: [f32; 2] = [0.2, -0.3];
 
-/// Relative difference of squared distances that is rounding.
-const ROUNDING: f32 = 1e-5;
+/// What the mean square over a whole face is of that over its places, which are exact for cubic functions: distances to a smooth surface are of degree
+/// four, and come out 1.5 to 2.2 times too large.
+const PLACES_SHARE: f32 = 0.55;
 
-/// How far a level is from the source.
+/// Relative difference of squared distances that is rounding.
+pub(super) const ROUNDING: f32 = 1e-5;
+
+/// How far a level is from the source, or the source from it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Distance {
     /// Of the squares.
@@ -35,6 +39,11 @@ pub(super) struct Distance {
 }
 
 impl Distance {
+    /// The distance both ways.
+    pub fn with(self, other: Self) -> Self {
+        Self { mean: self.mean.midpoint(other.mean), worst: self.worst.max(other.worst) }
+    }
+
     pub fn is_within(&self, other: &Self) -> bool {
         self.mean <= other.mean && self.worst <= other.worst * (1.0 + ROUNDING)
     }
@@ -108,23 +117,18 @@ impl Level<'_> {
         self.lists.of(face).map(|four| four.weight * four.squared).sum::<f32x4>().reduce_add()
     }
 
-    /// The distance both ways.
+    /// How far the level is from the source: the mean of its places, and the largest of these and of its samples.
     pub fn distance(&mut self) -> Distance {
-        let (mut forth, mut weight, mut back, mut whole) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
-        let mut worst = 0.0f32;
+        let (mut squares, mut whole, mut worst) = (0.0f64, 0.0f64, 0.0f32);
         for f in 0..self.surface.face_slots() {
-            if !self.surface.is_live(f) {
-                continue;
+            if self.surface.is_live(f) {
+                let spots = self.spots(f);
+                squares += f64::from(spots.squares);
+                whole += f64::from(area(&self.triangle(f)));
+                worst = worst.max(spots.worst);
             }
-            forth += f64::from(self.cost_of_distances(f));
-            weight += f64::from(self.lists.of(f).map(|four| four.weight).sum::<f32x4>().reduce_add());
-            let spots = self.spots(f);
-            back += f64::from(spots.squares);
-            whole += f64::from(area(&self.triangle(f)));
-            worst = worst.max(spots.worst);
         }
-        let mean = |squares: f64, area: f64| squares / area.max(f64::MIN_POSITIVE);
-        Distance { mean: mean(forth, weight).midpoint(mean(back, whole)) as f32, worst }
+        Distance { mean: PLACES_SHARE * (squares / whole.max(f64::MIN_POSITIVE)) as f32, worst }
     }
 
     /// Makes room for new faces and points.

@@ -40,7 +40,7 @@ use crate::mesh::surface::Surface;
 use attributes::SourceAttributes;
 use follow::Followed;
 use glam::Vec3;
-use level::{Distance, Fan, Level, Manner};
+use level::{Fan, Level, Manner, ROUNDING};
 use lists::{Lists, NONE, NearestSample};
 use patch::Patch;
 use prices::Prices;
@@ -148,7 +148,8 @@ impl Refiner {
     }
 
     /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
-    /// whether the surface is nearer to the source than it was, by the mean and the largest distance, both ways, of what was looked at, and of samples that no move knows.
+    /// whether the surface is nearer to the source than it was: by the mean distance of samples that no move knows to it and of its places to the source, and by the
+    /// largest of all that was looked at.
     pub fn refine(&mut self, surface: &mut Surface, locked: &Locked) -> bool {
         let mut fixed = find_fixed(surface, locked);
         let faces = surface.face_count();
@@ -197,10 +198,9 @@ impl Refiner {
             attributes::fit(&mut level, attributes, &fixed);
         }
         self.followed.move_anchors(level.surface, level.lists);
-        let allowed = Distance { worst: judged.worst.max(was.worst), ..judged };
-        let is_better = is.is_within(&was) && {
+        let is_better = is.worst <= was.worst * (1.0 + ROUNDING) && {
             self.assign(surface, judges.clone());
-            self.followed.distance_of(judges).is_within(&allowed)
+            self.followed.distance_of(judges).with(is).is_within(&judged.with(was))
         };
         if !is_better {
             self.followed.anchors = anchors;
