@@ -3,6 +3,9 @@
 use glam::Vec3;
 use wide::f32x4;
 
+/// Numbers that are worked on together.
+pub(crate) const LANES: usize = 4;
+
 /// Four vectors, number by number.
 pub(crate) type Vec3x4 = [f32x4; 3];
 

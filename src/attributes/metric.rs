@@ -1,8 +1,8 @@
 //! What a collapse costs in attributes, and the values that cost least.
 
-use super::slope::{Facet, LANES, Products, Slope, Spread, add_products, sum_products};
+use super::slope::{Facet, Products, Slope, Spread, add_products, sum_products};
 use super::{add_product, distinct_wedges, is_displacement};
-use crate::lanes::{Vec3x4, dot};
+use crate::lanes::{LANES, Vec3x4, dot};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::wedges::Wedges;

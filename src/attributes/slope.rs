@@ -1,11 +1,8 @@
 //! How attributes change over one face, four numbers at a time.
 
-use crate::lanes::Vec3x4;
+use crate::lanes::{LANES, Vec3x4};
 use glam::Vec3;
 use wide::f32x4;
-
-/// Numbers that are worked on together.
-pub(super) const LANES: usize = 4;
 
 /// A face thinner than this share of its length says little of its gradient across.
 const THIN: f32 = 0.1;

@@ -1,13 +1,11 @@
 //! The faces that a collapse leaves around the joined point, four at a time: whether they turn over, how well they are shaped, which way they look.
 
 use super::guard::Cause;
-use crate::lanes::{Vec3x4, cross, dot, gather, minus};
+use crate::lanes::{LANES, Vec3x4, cross, dot, gather, minus};
 use crate::mesh::surface::{Corner, Surface};
 use crate::mesh::surgery::Merge;
 use glam::{DVec3, Vec3, Vec4};
 use wide::f32x4;
-
-const LANES: usize = 4;
 
 /// Cosine of the largest angle by which a collapse may turn a face.
 const FLIP_COSINE: f32 = 0.2;

@@ -11,12 +11,9 @@
 
 use super::fan::Four;
 use crate::attributes::add_product;
-use crate::lanes::{Vec3x4, dot, gather};
+use crate::lanes::{LANES, Vec3x4, dot, gather};
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 use wide::f32x4;
-
-/// Edges that are estimated together.
-pub(super) const LANES: usize = 4;
 
 /// Pull towards the edge's midpoint, relative to the quadrics' trace.
 const STIFFNESS: f32 = 1e-5;

@@ -1,12 +1,10 @@
 //! The samples that each face stands for, four to a block: as moves want them, so that nothing is copied one by one for a candidate.
 
 use super::source::Sample;
-use crate::lanes::{Vec3x4, dot, minus};
+use crate::lanes::{LANES, Vec3x4, dot, minus};
 use glam::Vec3;
 use std::iter::successors;
 use wide::f32x4;
-
-pub(super) const LANES: usize = 4;
 
 /// No sample, no block; the end of a list.
 pub(super) const NONE: u32 = u32::MAX;

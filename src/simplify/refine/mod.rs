@@ -16,6 +16,7 @@
 //! Limits: distances are f32 in the unit frame, so errors below a millionth of the extent are noise; the collapses of such levels stay as they are.
 
 mod attributes;
+mod crowd;
 mod exchange;
 mod flip;
 mod follow;

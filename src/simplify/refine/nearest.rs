@@ -2,14 +2,11 @@
 
 use super::plane::Planes;
 use super::source::Foot;
-use crate::lanes::{Vec3x4, dot, gather, minus};
+use crate::lanes::{LANES, Vec3x4, dot, gather, minus};
 use crate::mesh::order::order_in_space;
 use glam::Vec3;
 use smallvec::SmallVec;
 use wide::f32x4;
-
-/// Triangles or boxes in a box.
-const LANES: usize = 4;
 
 #[derive(Debug)]
 pub(super) struct NearestFace {

@@ -1,11 +1,11 @@
 //! A patch: the faces that a move replaces, with the samples on them, four to a block. Measures what other triangles in their place would be
 //! worth. Everything is kept between patches: nothing is allocated for a candidate.
 
-use super::lists::{Four, LANES, Lists, NONE, NearestSample};
+use super::lists::{Four, Lists, NONE, NearestSample};
 use super::plane::Planes;
 use super::prices::Prices;
 use super::step::Step;
-use crate::lanes::{Vec3x4, dot, minus};
+use crate::lanes::{LANES, Vec3x4, dot, minus};
 use glam::Vec3;
 use std::ops::Range;
 use wide::f32x4;

@@ -1,11 +1,9 @@
 //! Triangles as the search for closest points wants them: each in a frame of its own, made four at a time and asked by four places at a time.
 
 use super::prices::Prices;
-use crate::lanes::{Vec3x4, cross, dot, gather, minus};
+use crate::lanes::{LANES, Vec3x4, cross, dot, gather, minus};
 use glam::Vec3;
 use wide::f32x4;
-
-const LANES: usize = 4;
 
 /// Triangles, four to a block; the last block is filled up with copies.
 #[derive(Debug, Default)]
