@@ -27,7 +27,7 @@ const AWAY_COSINES: [f32; 2] = [0.2, -0.3];
 const PLACES_SHARE: f32 = 0.55;
 
 /// Relative difference of squared distances that is rounding.
-pub(super) const ROUNDING: f32 = 1e-5;
+const ROUNDING: f32 = 1e-5;
 
 /// How far a level is from the source, or the source from it.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,11 @@ impl Distance {
     }
 
     pub fn is_within(&self, other: &Self) -> bool {
-        self.mean <= other.mean && self.worst <= other.worst * (1.0 + ROUNDING)
+        self.mean <= other.mean && self.reaches_no_farther(other)
+    }
+
+    pub fn reaches_no_farther(&self, other: &Self) -> bool {
+        self.worst <= other.worst * (1.0 + ROUNDING)
     }
 }
 

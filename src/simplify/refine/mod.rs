@@ -41,7 +41,7 @@ use crate::mesh::surface::Surface;
 use attributes::SourceAttributes;
 use follow::Followed;
 use glam::Vec3;
-use level::{Fan, Level, Manner, ROUNDING};
+use level::{Fan, Level, Manner};
 use lists::{Lists, NONE, NearestSample};
 use patch::Patch;
 use prices::Prices;
@@ -199,7 +199,7 @@ impl Refiner {
             attributes::fit(&mut level, attributes, &fixed);
         }
         self.followed.move_anchors(level.surface, level.lists);
-        let is_better = is.worst <= was.worst * (1.0 + ROUNDING) && {
+        let is_better = is.reaches_no_farther(&was) && {
             self.assign(surface, judges.clone());
             self.followed.distance_of(judges).with(is).is_within(&judged.with(was))
         };

@@ -222,14 +222,20 @@ mod tests {
         ) {
             let mut patch = Patch::default();
             patch.start_triangle();
-            for (&position, id) in points.iter().zip(0..) {
-                let sample = Sample { position, weight: 1.0, normal: Vec3::Z, face: 0 };
-                patch.push_four(&Four::new(id, &sample, 0.0));
+            let sample = |id: usize| Sample { position: points[id], weight: 1.0, normal: Vec3::Z, face: 0 };
+            for first in (0..points.len()).step_by(LANES) {
+                let mut four = Four::new(first as u32, &sample(first), 0.0);
+                for id in first + 1..points.len().min(first + LANES) {
+                    four.set(id - first, id as u32, &sample(id), 0.0);
+                }
+                patch.push_four(&four);
             }
             patch.find_nearest(&triangles);
-            for (Block { four, which, .. }, &point) in patch.blocks.iter().zip(&points) {
-                let (squared, which) = (four.squared.to_array()[0], which.to_array()[0] as usize);
-                let to = |t: &[Vec3; 3]| closest_point(*t, point).0.distance_squared(point);
+            let found: Vec<_> = patch.blocks.iter().flat_map(|b| b.four.samples().map(move |at| (b, at))).collect();
+            prop_assert_eq!(found.len(), points.len());
+            for (Block { four, which, .. }, (lane, id)) in found {
+                let (squared, which) = (four.squared.as_array()[lane], which.as_array()[lane] as usize);
+                let to = |t: &[Vec3; 3]| closest_point(*t, points[id as usize]).0.distance_squared(points[id as usize]);
                 let nearest = triangles.iter().map(to).fold(f32::INFINITY, f32::min);
                 prop_assert!((squared.sqrt() - nearest.sqrt()).abs() < 1e-3, "{} {}", squared, nearest);
                 prop_assert!((to(&triangles[which]).sqrt() - nearest.sqrt()).abs() < 1e-3);

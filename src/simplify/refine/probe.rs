@@ -40,15 +40,16 @@ pub(super) struct Spots {
     pub squares: f32,
     /// The source's faces closest to its centre and the middles of its edges when somebody looked last: `NONE` where nobody has. From there it is
     /// not far after a move.
-    feet: [u32; 4],
+    at_centre: u32,
+    at_middles: [u32; 3],
 }
 
 impl Spots {
-    pub const UNKNOWN: Self = Self { worst: -1.0, squares: 0.0, feet: [NONE; 4] };
+    pub const UNKNOWN: Self = Self { worst: -1.0, squares: 0.0, at_centre: NONE, at_middles: [NONE; 3] };
 
     /// Of the same face with other corners.
     pub fn moved(self) -> Self {
-        Self { feet: self.feet, ..Self::UNKNOWN }
+        Self { worst: Self::UNKNOWN.worst, ..self }
     }
 }
 
@@ -135,20 +136,19 @@ impl Level<'_> {
         let (area, normal) = (area(&triangle), unit_normal(&triangle));
         let own = self.surface.face(face);
         let corners = own.map(|p| self.foot(p));
-        let [at_inner, at_middles @ ..] = self.spots[face].feet;
-        let look = |place: Vec3, last: u32, corner: Foot| match last {
+        let last = self.spots[face];
+        let look = |place: Vec3, start: u32, corner: Foot| match start {
             NONE => self.look_back_on(face, place, normal, corner.face),
-            last => self.look_back(place, last),
+            start => self.look_back(place, start),
         };
-        let inner = look(centre(&triangle), at_inner, corners[0]);
+        let inner = look(centre(&triangle), last.at_centre, corners[0]);
         let from = |k: usize| [k, (k + 1) % 3, (k + 2) % 3].map(|k| triangle[k]);
         let mine = [0, 1, 2].map(|k| own[k] < own[(k + 1) % 3]);
         let middles = [0, 1, 2].map(|k| {
             let [p, q, _] = from(k);
-            mine[k].then(|| look(p.midpoint(q), at_middles[k], corners[k]))
+            mine[k].then(|| look(p.midpoint(q), last.at_middles[k], corners[k]))
         });
-        let [first, second, third] = middles.map(|foot| foot.map_or(NONE, |foot| foot.face));
-        let feet = [inner.face, first, second, third];
+        let at_middles = middles.map(|foot| foot.map_or(NONE, |foot| foot.face));
         let middles = middles.map(|foot| foot.map_or(0.0, |foot| foot.distance_squared));
         let corners = corners.map(|foot| foot.distance_squared);
         let samples = self.lists.of(face).fold(f32x4::ZERO, |worst, four| worst.fast_max(four.squared)).to_array();
@@ -161,11 +161,14 @@ impl Level<'_> {
             }
         }
         let sum = |squares: [f32; 3]| squares.iter().sum::<f32>();
-        let inner = inner.distance_squared;
         Spots {
             worst,
-            feet,
-            squares: area * (inner * CENTRE_SHARE + sum(middles) * 2.0 * MIDDLE_SHARE + sum(corners) * CORNER_SHARE),
+            at_centre: inner.face,
+            at_middles,
+            squares: area
+                * (inner.distance_squared * CENTRE_SHARE
+                    + sum(middles) * 2.0 * MIDDLE_SHARE
+                    + sum(corners) * CORNER_SHARE),
         }
     }
 
