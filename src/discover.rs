@@ -136,12 +136,13 @@ fn add_file(input: &Path, bytes: u64, destination: &Destination, found: &mut Fou
         let error = Error::new(Kind::Preset, "this input is neither a directory nor a .glb or .gltf file");
         return Err(Error { file: Some(input.to_owned()), ..error });
     };
-    let root = match input.parent() {
-        Some(parent) if parent != Path::new("") => parent.to_owned(),
-        _ => PathBuf::from("."),
-    };
-    found.add(input.to_owned(), root, PathBuf::from(name), bytes, destination);
+    found.add(input.to_owned(), directory_of(input).to_owned(), PathBuf::from(name), bytes, destination);
     Ok(())
+}
+
+/// The directory that a file lies in.
+pub(crate) fn directory_of(file: &Path) -> &Path {
+    file.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
 impl Found {

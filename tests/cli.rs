@@ -106,6 +106,23 @@ fn an_output_inside_the_input_is_no_input() {
 }
 
 #[test]
+fn a_file_of_the_working_directory_needs_no_path() {
+    let place = Place::new();
+    place.add("gear.glb", &place.read("in/gear.glb"));
+    place.add("gltf-lod.toml", b"levels = [0.3]\n");
+    place.expect(0, "build gear.glb -o out -q");
+    let compared = place.expect(0, "compare gear.glb --json -q");
+    let report: Value = serde_json::from_str(&compared.stdout).expect("JSON");
+    assert_eq!(items(&report["meshes"][0]["levels"]).len(), 1, "the preset beside it holds");
+    place.expect(0, "inspect gear.glb");
+    place.expect(0, "bench gear.glb --runs 1");
+    place.expect(0, "progressive gear.glb -o coarse.glb");
+    place.expect(0, "rebuild coarse.glb -o fine.glb");
+    place.expect(0, "build gear.glb --in-place -q");
+    assert!(place.read("gear.glb") == place.read("out/gear.glb"));
+}
+
+#[test]
 fn sources_change_only_when_that_is_asked_for() {
     let place = Place::new();
     let source = place.read("in/gear.glb");

@@ -1,6 +1,7 @@
 //! What a file holds, read from its document; geometry is not decoded, so that compressed files can be inspected too.
 
 use crate::asset::{Asset, Component, Container, Limits, Scene};
+use crate::discover::directory_of;
 use crate::error::Result;
 use crate::report::{InspectedLevel, InspectedLod, InspectedMesh, InspectedPrimitive, Inspection, relative_name};
 use serde_json::Value;
@@ -12,8 +13,7 @@ use std::path::Path;
 /// # Errors
 /// Everything that keeps the file from being read.
 pub fn inspect(file: &Path, limits: &Limits) -> Result<Inspection> {
-    let root = file.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-    let asset = Asset::read(file, root, limits).map_err(|error| error.in_file(file))?;
+    let asset = Asset::read(file, directory_of(file), limits).map_err(|error| error.in_file(file))?;
     let scene = asset.scene();
     let view = View { asset: &asset, scene: &scene };
     Ok(Inspection {

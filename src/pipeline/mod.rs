@@ -172,7 +172,7 @@ fn choose_destination(options: &BuildOptions) -> Result<Destination> {
 /// A wrong preset stops the run before anything is written: half a tree built with other presets than meant helps nobody.
 fn resolve_presets<'a>(found: &'a Found, presets: &Presets) -> Result<Vec<Job<'a>>> {
     let resolve = |source: &'a Source| {
-        let presets = presets.for_asset(&source.root, &source.path).map_err(blame_preset)?;
+        let presets = presets.for_asset(&source.root, &source.relative).map_err(blame_preset)?;
         Ok(Job { source, presets })
     };
     found.assets.iter().map(resolve).collect()
@@ -208,7 +208,7 @@ fn time_since(start: Option<Duration>, observer: &dyn Observer) -> Option<Durati
 fn copy_others(found: &Found, presets: &Presets, files: &[FileReport], dry_run: bool) -> (usize, Vec<Problem>) {
     let written: BTreeSet<&Path> = files.iter().flat_map(|file| &file.written).map(PathBuf::as_path).collect();
     let is_wanted = |source: &Source| {
-        let presets = presets.for_asset(&source.root, &source.path).map_err(blame_preset)?;
+        let presets = presets.for_asset(&source.root, &source.relative).map_err(blame_preset)?;
         let is_new = source.path != source.output && !written.contains(source.output.as_path());
         Ok(is_new && presets.copies(&source.relative))
     };

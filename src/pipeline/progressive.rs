@@ -3,7 +3,7 @@
 use super::mesh::Names;
 use super::{blame_preset, run_on_threads};
 use crate::asset::{Asset, Geometry, Limits, Scene};
-use crate::discover::{is_asset, resolve};
+use crate::discover::{directory_of, is_asset, resolve};
 use crate::emit::{self, Content, Output, ProgressiveMesh, Refining};
 use crate::error::{Error, Kind, Result};
 use crate::preset::{AssetPresets, Flags, Presets};
@@ -54,8 +54,9 @@ pub fn progressive(options: &ProgressiveOptions) -> Result<ProgressiveReport> {
     if !(options.base > 0.0 && options.base <= 1.0) {
         return Err(Error::new(Kind::Preset, format!("a base of {} is not in (0, 1]", options.base)));
     }
-    let root = parent_of(&options.input);
-    let presets = Presets::new(&options.flags).and_then(|presets| presets.for_asset(root, &options.input));
+    let root = directory_of(&options.input);
+    let below = Path::new(options.input.file_name().unwrap_or_default());
+    let presets = Presets::new(&options.flags).and_then(|presets| presets.for_asset(root, below));
     let presets = presets.map_err(blame_preset)?;
     let asset = Asset::read(&options.input, root, &options.limits)?;
     let scene = asset.scene();
@@ -85,7 +86,7 @@ pub fn progressive(options: &ProgressiveOptions) -> Result<ProgressiveReport> {
 /// file without progressive meshes.
 pub fn rebuild(options: &RebuildOptions) -> Result<RebuildReport> {
     let (directory, name) = check_paths(&options.input, &options.output)?;
-    let (asset, ends_early) = Asset::read_prefix(&options.input, parent_of(&options.input), &options.limits)?;
+    let (asset, ends_early) = Asset::read_prefix(&options.input, directory_of(&options.input), &options.limits)?;
     let (output, meshes) = run_on_threads(options.jobs, || {
         let (refined, reports) = refine_all(&asset, options, ends_early)?;
         Ok((emit::write_rebuilt(&asset, &refined, name)?, reports))
@@ -113,11 +114,7 @@ fn check_paths<'a>(input: &Path, output: &'a Path) -> Result<(&'a Path, PathBuf)
     if resolve(input) == resolve(output) {
         return Err(Error::new(Kind::Preset, "is the input").in_file(output).help("name another file with -o"));
     }
-    Ok((parent_of(output), name.into()))
-}
-
-fn parent_of(file: &Path) -> &Path {
-    file.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
+    Ok((directory_of(output), name.into()))
 }
 
 /// What all meshes of an asset share.
@@ -208,7 +205,7 @@ fn find_share(opened: &[(usize, Refining<'_>)], triangles: usize) -> f64 {
 }
 
 fn count_source_bytes(asset: &Asset) -> u64 {
-    let directory = parent_of(&asset.path);
+    let directory = directory_of(&asset.path);
     let resources = asset.resources.iter().filter(|r| r.exists).map(|r| directory.join(&r.relative));
     let files = std::iter::once(asset.path.clone()).chain(resources);
     files.filter_map(|file| std::fs::metadata(file).ok()).map(|metadata| metadata.len()).sum()

@@ -4,6 +4,7 @@
 
 use super::{Observer, run_on_threads};
 use crate::asset::{Asset, Limits};
+use crate::discover::directory_of;
 use crate::error::{Error, Kind, Result};
 use crate::measure::{Ruler, Sampling};
 use crate::mesh::Mesh;
@@ -94,8 +95,7 @@ fn label_models(options: &TrainOptions, observer: &dyn Observer) -> Result<Vec<S
 
 /// The meshes of a file that are large enough, welded and without attributes.
 pub(super) fn read_models(file: &Path, limits: &Limits) -> Result<Vec<Model>> {
-    let root = file.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-    let asset = Asset::read(file, root, limits)?;
+    let asset = Asset::read(file, directory_of(file), limits)?;
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().replace(',', "_");
     let mut models = Vec::new();
     for index in 0..asset.document.array("meshes").len() {

@@ -81,16 +81,11 @@ impl Presets {
         Ok(Self { config, preset: flags.preset.clone(), flags: read_flags(flags)?, files: Mutex::new(BTreeMap::new()) })
     }
 
-    /// The layers for the file at `asset`, which lies below the input root `root`. For a file that is an input itself the
-    /// root is its directory.
+    /// The layers for a file, whose path is `below` relative to the input root. For a file that is an input itself the root is its directory.
     ///
     /// # Errors
     /// As [`Presets::new`], for the `gltf-lod.toml` files on the way.
-    pub fn for_asset(&self, root: &Path, asset: &Path) -> Result<AssetPresets> {
-        let below = asset.strip_prefix(root).map_err(|_| {
-            let message = format!("{} is not below the input root {}", asset.display(), root.display());
-            Error::new(Kind::Internal, message)
-        })?;
+    pub fn for_asset(&self, root: &Path, below: &Path) -> Result<AssetPresets> {
         let layers = self.layers(root, below)?;
         check_names(&layers)?;
         let mut expansion = Expansion::new(&layers);

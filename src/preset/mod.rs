@@ -8,7 +8,7 @@
 //! use std::path::Path;
 //!
 //! let flags = Flags { preset: Some("mobile".into()), ..Flags::default() };
-//! let presets = Presets::new(&flags)?.for_asset(Path::new("assets"), Path::new("assets/props/chair.glb"))?;
+//! let presets = Presets::new(&flags)?.for_asset(Path::new("assets"), Path::new("props/chair.glb"))?;
 //! let settings = presets.settings(&MeshNames { mesh: Some("chair"), ..MeshNames::default() })?;
 //! assert_eq!(settings.levels[0].ratio, Some(0.4));
 //! # Ok::<(), gltf_lod::Error>(())

@@ -159,25 +159,25 @@ fn files_that_are_no_text_are_named() {
     let presets = Presets::new(&Flags::default()).unwrap();
     fs::create_dir(root.path().join("a")).unwrap();
     fs::write(root.path().join("a").join(FILE_NAME), b"description = \"\xe4\"\n").unwrap();
-    let error = presets.for_asset(root.path(), &root.path().join("a/a.glb")).unwrap_err();
+    let error = presets.for_asset(root.path(), Path::new("a/a.glb")).unwrap_err();
     assert_eq!(error.place.as_deref(), Some("line 1, column 16"));
     assert!(error.message.starts_with("this is not UTF-8"), "{error}");
 
     fs::create_dir_all(root.path().join("b").join(FILE_NAME)).unwrap();
-    let error = presets.for_asset(root.path(), &root.path().join("b/b.glb")).unwrap_err();
+    let error = presets.for_asset(root.path(), Path::new("b/b.glb")).unwrap_err();
     assert_eq!(error.kind, crate::Kind::Io);
 
     fs::create_dir(root.path().join("d")).unwrap();
     #[cfg(unix)]
     {
         std::os::unix::fs::symlink("nowhere.toml", root.path().join("d").join(FILE_NAME)).unwrap();
-        let error = presets.for_asset(root.path(), &root.path().join("d/d.glb")).unwrap_err();
+        let error = presets.for_asset(root.path(), Path::new("d/d.glb")).unwrap_err();
         assert_eq!(error.kind, crate::Kind::Io, "a link to nowhere is a mistake, not an absent file");
     }
 
     fs::create_dir(root.path().join("c")).unwrap();
     fs::write(root.path().join("c").join(FILE_NAME), "#".repeat((1 << 20) + 1)).unwrap();
-    let error = presets.for_asset(root.path(), &root.path().join("c/c.glb")).unwrap_err();
+    let error = presets.for_asset(root.path(), Path::new("c/c.glb")).unwrap_err();
     assert_eq!(error.kind, crate::Kind::Limit);
 }
 

@@ -24,7 +24,7 @@ fn directory(files: &[(&str, &str)]) -> tempfile::TempDir {
 
 fn read_with(flags: &Flags, files: &[(&str, &str)], asset: &str) -> Result<AssetPresets, Error> {
     let root = directory(files);
-    Presets::new(flags)?.for_asset(root.path(), &root.path().join(asset))
+    Presets::new(flags)?.for_asset(root.path(), Path::new(asset))
 }
 
 fn read(files: &[(&str, &str)], asset: &str) -> AssetPresets {
