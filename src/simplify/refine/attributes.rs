@@ -4,7 +4,8 @@
 //! damped Jacobi steps from what the collapses have solved). One place alone would have the source's noise, and it is between the points that
 //! shading and textures go wrong. Joint influences are looked up at the closest point of the source.
 //!
-//! Only points without a seam change. Samples of another group or another chart do not count.
+//! Samples of another group or another chart do not count. Points on seams have too few samples on either side: their values go on linearly
+//! where they go.
 
 use super::level::Level;
 use super::source::{Source, closest_point};
@@ -46,17 +47,18 @@ impl SourceAttributes {
     }
 }
 
-/// Fits the attributes of all points that are not `fixed`.
-pub(super) fn fit(level: &mut Level, attributes: &SourceAttributes, fixed: &[bool]) {
+/// Fits the attributes of all points that nothing holds.
+pub(super) fn fit(level: &mut Level, attributes: &SourceAttributes) {
+    let free: Vec<u32> = (0..level.surface.points.len() as u32).filter(|&p| level.is_free(p)).collect();
     if attributes.wedges.stride() > 0 {
         for _ in 0..ROUNDS {
             let pulls = gather_pulls(level, attributes);
-            for p in (0..level.surface.points.len() as u32).filter(|&p| !fixed[p as usize]) {
+            for &p in &free {
                 pulls.apply(level.surface, p);
             }
         }
     }
-    for p in (0..level.surface.points.len() as u32).filter(|&p| !fixed[p as usize]) {
+    for p in free {
         look_up_influences(level, attributes, p);
     }
 }
@@ -129,11 +131,68 @@ impl Pulls {
                 new.unwrap_or(Vec3::from_slice(old)).write_to_slice(&mut row[column.offset..column.offset + 3]);
             }
         }
-        keep_charts(surface, p, &mut row);
+        for &wedge in &own {
+            keep_charts(surface, p, wedge, &mut row);
+        }
         for wedge in own {
             surface.wedges.row_mut(wedge).copy_from_slice(&row);
         }
     }
+}
+
+/// Gives the wedges of a point the values that their own faces have, or would have, where it goes by `step`: linearly, as those faces do.
+/// Displacements and what belongs to the point as a whole stay.
+pub(super) fn go_along(surface: &mut Surface, p: u32, step: Vec3) {
+    if surface.wedges.stride() == 0 {
+        return;
+    }
+    for wedge in wedges_of(surface, p) {
+        let mut row: Row = SmallVec::from_slice(surface.wedges.row(wedge));
+        let change = change_along(surface, p, wedge, step);
+        for column in surface.wedges.columns() {
+            let count = match column.semantic {
+                Semantic::Normal | Semantic::Tangent => column.width.min(3),
+                Semantic::MorphPosition(_) | Semantic::Pose(_) | Semantic::Id => continue,
+                _ => column.width,
+            };
+            let range = column.offset..column.offset + count;
+            for i in range.clone() {
+                row[i] = surface.wedges.within_range(i, row[i] + change[i]);
+            }
+            if column.semantic == Semantic::Normal && count == 3 {
+                let old = Vec3::from_slice(&surface.wedges.row(wedge)[range.clone()]);
+                Vec3::from_slice(&row[range.clone()]).try_normalize().unwrap_or(old).write_to_slice(&mut row[range]);
+            }
+        }
+        keep_charts(surface, p, wedge, &mut row);
+        surface.wedges.row_mut(wedge).copy_from_slice(&row);
+    }
+}
+
+/// By how much the values of a wedge change along `step`: the mean over its faces by area. Faces that are thin in that direction tell nothing.
+fn change_along(surface: &Surface, p: u32, wedge: u32, step: Vec3) -> Row {
+    let mut change: Row = SmallVec::from_elem(0.0, surface.wedges.stride());
+    let mut whole = 0.0;
+    for &corner in surface.ring(p).iter().filter(|&&c| surface.wedge_at(c) == wedge) {
+        let at = |q: u32| (surface.points[q as usize] - surface.points[p as usize]).as_vec3();
+        let [first, second] = surface.opposite(corner).map(at);
+        let normal = first.cross(second);
+        let shares = [step.cross(second), first.cross(step)].map(|c| c.dot(normal) / normal.length_squared());
+        if !shares.iter().all(|share| share.abs() < 1.0) {
+            continue;
+        }
+        let area = normal.length();
+        whole += area;
+        let here = surface.wedges.row(wedge);
+        for (w, share) in surface.opposite_wedges(corner).into_iter().zip(shares) {
+            let there = surface.wedges.row(w);
+            change.iter_mut().zip(here.iter().zip(there)).for_each(|(sum, (h, t))| *sum += area * share * (t - h));
+        }
+    }
+    if whole > 0.0 {
+        change.iter_mut().for_each(|sum| *sum /= whole);
+    }
+    change
 }
 
 /// Whether a sample's texture coordinates cannot be those of a face.
@@ -179,22 +238,64 @@ fn blend_rows(wedges: &Wedges, corners: [u32; 3], weights: [f32; 3]) -> Row {
     row
 }
 
-/// Puts back the texture coordinates that the point has, where those in `row` would turn a face over in the texture.
-fn keep_charts(surface: &Surface, p: u32, row: &mut [f32]) {
+/// Puts back the texture coordinates that a wedge of a point has, where those in `row` would turn a face over in the texture.
+fn keep_charts(surface: &Surface, p: u32, wedge: u32, row: &mut [f32]) {
     let wedges = &surface.wedges;
     for offset in wedges.tex_coords() {
         let at = |row: &[f32]| Vec2::from_slice(&row[offset..]);
-        let turns = |&corner: &u32| {
+        let (old, new) = (at(wedges.row(wedge)), at(row));
+        let turns = |corner: u32| {
             let [b, c] = surface.opposite_wedges(corner).map(|w| at(wedges.row(w)));
-            let (old, new) = (at(wedges.row(surface.wedge_at(corner))), at(row));
             let (before, after) = ((b - old).perp_dot(c - old), (b - new).perp_dot(c - new));
             turns_over([b, c], old, new) || after.abs() > MOST_GROWTH * before.abs()
         };
-        if let Some(&corner) = surface.ring(p).first()
-            && surface.ring(p).iter().any(turns)
-        {
-            let range = offset..offset + 2;
-            row[range.clone()].copy_from_slice(&wedges.row(surface.wedge_at(corner))[range]);
+        if surface.ring(p).iter().any(|&corner| surface.wedge_at(corner) == wedge && turns(corner)) {
+            old.write_to_slice(&mut row[offset..offset + 2]);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{two_charts, uv_of_two_charts};
+    use super::*;
+    use crate::mesh::Mesh;
+
+    fn uvs(mesh: &Mesh, step: Vec3) -> Vec<([f32; 2], Vec<f32>)> {
+        let mut surface = Surface::new(mesh);
+        // The middle of the seam; the unit frame is twice as large as the sheet, or less.
+        let step_there = step * surface.frame.scale() as f32;
+        go_along(&mut surface, 12, step_there);
+        let x = Vec3::from(mesh.positions[12]) + step;
+        let of_wedge = |w: u32| {
+            let is_upper = surface.wedges.row(w)[0] > 4.0;
+            (uv_of_two_charts(x, is_upper), surface.wedges.row(w).to_vec())
+        };
+        wedges_of(&surface, 12).into_iter().map(of_wedge).collect()
+    }
+
+    #[test]
+    fn either_side_of_a_seam_goes_on_linearly() {
+        for step in [Vec3::X * 0.1, Vec3::X * -0.2, Vec3::Z * 0.3, Vec3::new(0.05, 0.0, 0.1)] {
+            let found = uvs(&two_charts(), step);
+            assert_eq!(found.len(), 2, "two wedges");
+            for (expected, is) in found {
+                assert!((0..2).all(|k| (is[k] - expected[k]).abs() < 1e-5), "{step}: {is:?} for {expected:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_step_that_would_turn_a_chart_over_leaves_its_place_there() {
+        let mut mesh = two_charts();
+        // The point above the seam's middle is beside it in the texture: a small step goes past it.
+        let [at, near] = [27, 17].map(|v| 2 * v);
+        let values = &mut mesh.attributes[0].values;
+        let here = [values[at], values[at + 1]];
+        (values[near], values[near + 1]) = (here[0] + 0.01, here[1] + 0.001);
+        let before = uvs(&mesh, Vec3::ZERO);
+        let after = uvs(&mesh, Vec3::X * 0.2);
+        let upper = |found: &[([f32; 2], Vec<f32>)]| found.iter().map(|(_, row)| row.clone()).find(|row| row[0] > 4.0);
+        assert_eq!(upper(&before), upper(&after));
     }
 }

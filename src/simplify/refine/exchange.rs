@@ -16,13 +16,13 @@ const PEAKS: f32 = 0.05;
 const MARGIN: f32 = 1.1;
 
 /// Does all exchanges that pay.
-pub(super) fn exchange(level: &mut Level, fixed: &mut Vec<bool>) {
+pub(super) fn exchange(level: &mut Level) {
     let faces: Vec<usize> = level.surface.live_faces().collect();
     let most = (LOOKED_AT * faces.len() as f32).ceil() as usize;
     let peak = find_peak(level, &faces);
     level.prices.set_peak(peak);
     let insertions = find_insertions(level, &faces, most);
-    let mut removals = find_removals(level, fixed, most).into_iter();
+    let mut removals = find_removals(level, most).into_iter();
     // What has been measured holds as long as no face of it has changed.
     let mut touched = vec![false; level.surface.points.len()];
     for insertion in insertions {
@@ -39,7 +39,6 @@ pub(super) fn exchange(level: &mut Level, fixed: &mut Vec<bool>) {
         removal.carry_out(level);
         let point = insertion.carry_out(level);
         touched.push(true);
-        fixed.push(false);
         relocate(level, point, Manner::Thorough);
     }
 }
@@ -69,10 +68,10 @@ fn find_insertions(level: &mut Level, faces: &[usize], most: usize) -> Vec<Inser
 }
 
 /// Removals that seem to lose least; the best first.
-fn find_removals(level: &mut Level, fixed: &[bool], most: usize) -> Vec<Removal> {
+fn find_removals(level: &mut Level, most: usize) -> Vec<Removal> {
     let edges = collect_edges(level.surface).into_iter().filter(|e| e.kind.is_plain()).map(|e| [e.a, e.b]);
     let costs = edges
-        .filter(|edge| edge.iter().all(|&p| !fixed[p as usize]))
+        .filter(|edge| edge.iter().all(|&p| level.is_free(p)))
         .map(|edge| (foretell_loss(level, edge), edge))
         .collect();
     let best = first_of(costs, most, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

@@ -1,6 +1,7 @@
 //! A level under refinement: which samples each face stands for, and what its errors are worth.
 
 use super::Budget;
+use super::hold::Hold;
 use super::lists::{Lists, NONE};
 use super::patch::{Appraisal, Patch};
 use super::prices::Prices;
@@ -70,6 +71,8 @@ pub(super) struct Level<'a> {
     pub lists: &'a mut Lists,
     pub patch: &'a mut Patch,
     pub fan: Fan,
+    /// Of each point.
+    pub holds: Vec<Hold>,
     /// For each point the closest of the source; face NONE for points without faces.
     pub feet: Vec<Foot>,
     pub prices: Prices,
@@ -100,6 +103,10 @@ impl Level<'_> {
         let least = |all: &[[Vec3; 3]]| all.iter().map(|t| unit_normal(t).dot(normal)).fold(1.0, f32::min);
         let (before, after) = (least(old), least(new));
         AWAY_COSINES.iter().any(|&limit| after < limit && before >= limit)
+    }
+
+    pub fn is_free(&self, p: u32) -> bool {
+        self.holds[p as usize] == Hold::Free
     }
 
     pub fn foot(&self, p: u32) -> Foot {
@@ -140,6 +147,7 @@ impl Level<'_> {
         let (faces, points) = (self.surface.face_slots(), self.surface.points.len());
         self.lists.grow(faces);
         self.spots.resize(faces, Spots::UNKNOWN);
+        self.holds.resize(points, Hold::Free);
         self.feet.resize(points, Foot { distance_squared: 0.0, point: Vec3::ZERO, face: NONE });
     }
 
@@ -181,6 +189,11 @@ impl Level<'_> {
 }
 
 impl Fan {
+    /// The mean normal of the faces; `None` if they have none.
+    pub fn normal(&self) -> Option<Vec3> {
+        self.triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a)).sum::<Vec3>().try_normalize()
+    }
+
     /// Puts the point elsewhere.
     pub fn move_to(&mut self, x: Vec3) {
         self.moved.clear();

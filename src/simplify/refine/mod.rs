@@ -11,7 +11,7 @@
 //! 3. **Exchanges** (`best`): a point comes in where the level is farthest from the source, in either direction, and one that is missed less goes.
 //! 4. **Attributes** of points that moved are looked up on the source.
 //!
-//! Points at borders, seams and other special edges stay, and those edges stay as they are; so do locked points.
+//! Points at borders and edges of several faces stay, and so do locked ones; those on seams do not leave them. All such edges stay edges.
 //!
 //! Limits: distances are f32 in the unit frame, so errors below a millionth of the extent are noise; the collapses of such levels stay as they are.
 
@@ -20,6 +20,7 @@ mod crowd;
 mod exchange;
 mod flip;
 mod follow;
+mod hold;
 mod insert;
 mod level;
 mod lists;
@@ -36,11 +37,11 @@ mod step;
 
 use super::constraints::Locked;
 use super::options::Effort;
-use crate::mesh::edges::collect_edges;
 use crate::mesh::surface::Surface;
 use attributes::SourceAttributes;
 use follow::Followed;
 use glam::Vec3;
+use hold::Hold;
 use level::{Fan, Level, Manner};
 use lists::{Lists, NONE, NearestSample};
 use patch::Patch;
@@ -81,6 +82,8 @@ struct Budget {
     looks_between: bool,
 }
 
+/// Samples inside faces of the source at least: small meshes take little time whatever is done, and have few vertices to go by.
+const FEWEST_INSIDE: f32 = 2500.0;
 /// Samples a face below which a level stays as its collapses left it: where there are none, faces would go astray.
 const FEWEST_SAMPLES: usize = 6;
 /// Samples a face below which one round is all that pays.
@@ -123,7 +126,7 @@ impl Refiner {
     /// `surface` is the source.
     pub fn new(surface: &Surface, effort: Effort) -> Self {
         let budget = Budget::of(effort);
-        let source = Source::new(surface, budget.inside);
+        let source = Source::new(surface, budget.inside.max(FEWEST_INSIDE / surface.face_count() as f32));
         Self {
             attributes: SourceAttributes::new(surface),
             followed: Followed::new(&source),
@@ -152,7 +155,7 @@ impl Refiner {
     /// whether the surface is nearer to the source than it was: by the mean distance of samples that no move knows to it and of its places to the source, and by the
     /// largest of all that was looked at.
     pub fn refine(&mut self, surface: &mut Surface, locked: &Locked) -> bool {
-        let mut fixed = find_fixed(surface, locked);
+        let holds = Hold::find(surface, locked);
         let faces = surface.face_count();
         let is_fine = !self.has_samples(faces, ENOUGH_SAMPLES);
         let (rounds, exchanges) = if is_fine { (1, 0) } else { (self.budget.rounds, self.budget.exchanges) };
@@ -167,6 +170,7 @@ impl Refiner {
             source: &self.source,
             lists: &mut self.lists,
             patch: &mut self.patch,
+            holds,
             feet: Vec::new(),
             fan: Fan::default(),
             prices: Prices::default(),
@@ -181,22 +185,22 @@ impl Refiner {
         level.prices.set_peak(was.worst * NEW_PEAK);
         let mut peak = was.worst;
         for round in 0..rounds {
-            sweep(&mut level, &fixed);
+            sweep(&mut level);
             if round < exchanges {
-                exchange::exchange(&mut level, &mut fixed);
+                exchange::exchange(&mut level);
             }
-            peak = peak.min(peaks::lower_peaks(&mut level, &fixed, most, 0.0));
+            peak = peak.min(peaks::lower_peaks(&mut level, most, 0.0));
             level.prices.set_peak(peak * NEW_PEAK);
         }
-        sweep(&mut level, &fixed);
+        sweep(&mut level);
         // Sweeps do not look between samples: what they raise is lowered again.
         let mut is = level.distance();
         if is.worst > peak {
-            peaks::lower_peaks(&mut level, &fixed, most, peak);
+            peaks::lower_peaks(&mut level, most, peak);
             is = level.distance();
         }
         if let Some(attributes) = &self.attributes {
-            attributes::fit(&mut level, attributes, &fixed);
+            attributes::fit(&mut level, attributes);
         }
         self.followed.move_anchors(level.surface, level.lists);
         let is_better = is.reaches_no_farther(&was) && {
@@ -211,23 +215,11 @@ impl Refiner {
 }
 
 /// Tries all edges and points once.
-fn sweep(level: &mut Level, fixed: &[bool]) {
+fn sweep(level: &mut Level) {
     flip::flip_edges(level);
-    for p in 0..fixed.len() as u32 {
-        if !fixed[p as usize] {
-            relocate::relocate(level, p, Manner::Quick);
-        }
+    for p in 0..level.surface.points.len() as u32 {
+        relocate::relocate(level, p, Manner::Quick);
     }
-}
-
-/// Points that may not move: locked ones, and those at edges that are not plain.
-fn find_fixed(surface: &Surface, locked: &Locked) -> Vec<bool> {
-    let mut fixed: Vec<bool> = (0..surface.points.len() as u32).map(|p| locked.has(p)).collect();
-    for edge in collect_edges(surface).iter().filter(|e| !e.kind.is_plain()) {
-        fixed[edge.a as usize] = true;
-        fixed[edge.b as usize] = true;
-    }
-    fixed
 }
 
 /// Finds the source's closest point to every point of the level.

@@ -254,7 +254,7 @@ mod tests {
         patch.look(&fan, &prices);
         let mut step = Step::default();
         patch.add_to(&mut step, &prices);
-        let (found, _) = step.solve().unwrap_or_default();
+        let (found, _) = step.solve(&[]).unwrap_or_default();
         assert!(found.distance(Vec3::Z * 0.1 / 1.02) < 1e-6, "{found}");
     }
 }

@@ -19,7 +19,7 @@ struct Ranked {
 }
 
 /// Works on up to `most` spots that are farther off than `enough` (squared), the worst first. Gives the largest squared distance left.
-pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, enough: f32) -> f32 {
+pub(super) fn lower_peaks(level: &mut Level, most: usize, enough: f32) -> f32 {
     let mut left = 0.0f32;
     let mut peaks = Peaks::new(level);
     for _ in 0..most {
@@ -36,7 +36,7 @@ pub(super) fn lower_peaks(level: &mut Level, fixed: &[bool], most: usize, enough
             }
         }
         for p in corners {
-            if !fixed[p as usize] && relocate(level, p, Manner::Thorough) {
+            if relocate(level, p, Manner::Thorough) {
                 touched.push(p);
             }
         }

@@ -4,6 +4,8 @@
 //! goes as far as several of the original ones. The point's own distance to the source takes part: nothing else holds back a point that sticks
 //! out, as no sample is near it.
 
+use super::attributes::go_along;
+use super::hold::Hold;
 use super::level::{Fan, Level, Manner, TURN_COSINE, area};
 use super::step::Step;
 use std::mem::take;
@@ -17,6 +19,9 @@ const POINT_SHARE: f32 = 0.02;
 
 /// Tries to move `p`; whether it moved.
 pub(super) fn relocate(level: &mut Level, p: u32, manner: Manner) -> bool {
+    if level.holds[p as usize] == Hold::Fixed {
+        return false;
+    }
     let mut fan = take(&mut level.fan);
     level.fill_fan(p, &mut fan);
     let moves = !fan.faces.is_empty() && relocate_hub(level, p, &mut fan, manner);
@@ -42,7 +47,8 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
         before.cost += level.prices.of_place(own_area, foot.distance_squared);
         step.add(foot.point - here, 1.0, level.prices.slope(own_area, foot.distance_squared));
     }
-    let Some((step, promise)) = step.solve() else { return false };
+    let forbidden = level.holds[p as usize].forbidden(level.surface, fan);
+    let Some((step, promise)) = step.solve(&forbidden) else { return false };
     if promise < before.cost * level.budget.promise {
         return false;
     }
@@ -66,6 +72,9 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
             level.prices.of_place(own_area, foot.distance_squared)
         };
         if after.cost < most && !level.comes_to_look_away(&fan.triangles, &fan.moved, foot) {
+            if !level.is_free(p) {
+                go_along(level.surface, p, new - here);
+            }
             level.surface.points[p as usize] = new.as_dvec3();
             level.feet[p as usize] = foot;
             level.settle(&fan.faces, &fan.faces);

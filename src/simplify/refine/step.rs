@@ -2,8 +2,9 @@
 
 use glam::{Mat3, Vec3};
 
-/// Pull to the old place, relative to the trace.
+/// Pull to the old place, relative to the trace; the same in directions that are forbidden.
 const DAMPING: f32 = 0.02;
+const STIFFNESS: f32 = 1e3;
 
 /// Normal equations of Σ slope · (pull · step − distance)², `pull` being the direction to the closest point times the share by which that follows
 /// the step.
@@ -42,11 +43,15 @@ impl Step {
         }
     }
 
-    /// The step, and the gain it promises.
-    pub fn solve(&self) -> Option<(Vec3, f32)> {
+    /// The step, and the gain it promises. It does not go in `forbidden` directions (of unit length).
+    pub fn solve(&self, forbidden: &[Vec3]) -> Option<(Vec3, f32)> {
         let [xx, xy, xz, yy, yz, zz] = self.matrix;
         let pull = (xx + yy + zz) * DAMPING;
-        let matrix = Mat3::from_cols_array(&[xx + pull, xy, xz, xy, yy + pull, yz, xz, yz, zz + pull]);
+        let mut matrix = Mat3::from_cols_array(&[xx + pull, xy, xz, xy, yy + pull, yz, xz, yz, zz + pull]);
+        for &n in forbidden {
+            let stiff = n * (STIFFNESS * (xx + yy + zz));
+            matrix += Mat3::from_cols(stiff * n.x, stiff * n.y, stiff * n.z);
+        }
         let right = Vec3::from_array(self.right);
         // Without any pull the matrix has no inverse.
         let step = matrix.inverse() * right;
@@ -64,7 +69,7 @@ mod tests {
         for residual in [Vec3::X, Vec3::Y * -2.0, Vec3::Z * 0.5] {
             step.add(residual, 1.0, 1.0);
         }
-        let (found, promise) = step.solve().unwrap_or_default();
+        let (found, promise) = step.solve(&[]).unwrap_or_default();
         // The damping holds back by three times 2 %.
         let expected = Vec3::new(1.0, -2.0, 0.5) / 1.06;
         assert!(found.distance(expected) < 1e-6, "{found}");
@@ -72,11 +77,24 @@ mod tests {
     }
 
     #[test]
+    fn no_step_goes_where_it_may_not() {
+        let mut step = Step::default();
+        for residual in [Vec3::new(1.0, 2.0, 0.0), Vec3::new(-1.0, 1.0, 3.0), Vec3::Z] {
+            step.add(residual, 1.0, 1.0);
+        }
+        let across = Vec3::new(1.0, -1.0, 1.0).normalize();
+        let (found, promise) = step.solve(&[across]).unwrap_or_default();
+        assert!(found.dot(across).abs() < 1e-3 * found.length() && promise > 0.0, "{found}");
+        let (held, _) = step.solve(&[Vec3::X, Vec3::Y]).unwrap_or_default();
+        assert!(held.truncate().length() < 1e-3 * held.z, "{held}");
+    }
+
+    #[test]
     fn a_place_that_follows_by_half_moves_the_point_twice_as_far() {
         let mut step = Step::default();
         step.add(Vec3::X, 0.5, 1e3);
-        let (found, _) = step.solve().unwrap_or_default();
+        let (found, _) = step.solve(&[]).unwrap_or_default();
         assert!(found.distance(Vec3::X * 2.0 / 1.02) < 1e-5, "{found}");
-        assert!(Step::default().solve().is_none());
+        assert!(Step::default().solve(&[]).is_none());
     }
 }

@@ -4,7 +4,7 @@ use super::super::passes::{Workspace, run};
 use super::super::reducer::Reducer;
 use super::*;
 use crate::measure::{Ruler, Sampling};
-use crate::mesh::edges::Edge;
+use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::{Attribute, Mesh, Semantic};
 use proptest::prelude::*;
 
@@ -49,6 +49,25 @@ fn sheet(n: u32, heights: &[f32]) -> Mesh {
         mesh.triangles.extend([[a, b, c], [a, c, d]]);
     }
     mesh
+}
+
+/// A flat sheet of 4 × 4 squares whose lower and upper half are parted by a seam, with texture coordinates that are linear in either half.
+pub(super) fn two_charts() -> Mesh {
+    let mut mesh = sheet(4, &[]);
+    let (row, all) = (5, mesh.positions.len() as u32);
+    let (first, seam) = (2 * row, mesh.positions[2 * row as usize..3 * row as usize].to_vec());
+    mesh.positions.extend(seam);
+    for triangle in &mut mesh.triangles[16..] {
+        *triangle = triangle.map(|v| if v < first + row { v - first + all } else { v });
+    }
+    let upper = |v: u32| v >= first + row;
+    let values = mesh.positions.iter().zip(0..).flat_map(|(p, v)| uv_of_two_charts(Vec3::from(*p), upper(v))).collect();
+    mesh.attributes = vec![Attribute { semantic: Semantic::TexCoord(0), width: 2, values }];
+    mesh
+}
+
+pub(super) fn uv_of_two_charts(p: Vec3, upper: bool) -> [f32; 2] {
+    if upper { [5.0 + 3.0 * p.x, p.y - p.x] } else { [p.x + 2.0 * p.y, p.y] }
 }
 
 fn collapse(mesh: &Mesh, options: &Options, triangles: usize) -> (Reducer, Refiner) {
