@@ -51,15 +51,62 @@ impl SourceAttributes {
 pub(super) fn fit(level: &mut Level, attributes: &SourceAttributes) {
     let free: Vec<u32> = (0..level.surface.points.len() as u32).filter(|&p| level.is_free(p)).collect();
     if attributes.wedges.stride() > 0 {
+        let wishes = Wishes::of_samples(level, attributes);
         for _ in 0..ROUNDS {
-            let pulls = gather_pulls(level, attributes);
-            for &p in &free {
-                pulls.apply(level.surface, p);
-            }
+            let pulls = wishes.pull(level.surface);
+            free.iter().for_each(|&p| pulls.apply(level.surface, p));
         }
     }
     for p in free {
         look_up_influences(level, attributes, p);
+    }
+}
+
+/// What samples want their places on the level to have: found once, as no point moves meanwhile.
+struct Wishes {
+    stride: usize,
+    places: Vec<Place>,
+    /// The source's values, a row a place.
+    rows: Vec<f32>,
+}
+
+/// Where a sample is on the level.
+struct Place {
+    face: usize,
+    /// Of the face's corners.
+    shares: [f32; 3],
+    weight: f32,
+}
+
+impl Wishes {
+    fn of_samples(level: &Level, attributes: &SourceAttributes) -> Self {
+        let mut wishes = Self { stride: attributes.wedges.stride(), places: Vec::new(), rows: Vec::new() };
+        for face in level.surface.live_faces() {
+            let triangle = level.triangle(face);
+            let group = level.surface.wedges.group(level.surface.face_wedges(face)[0]);
+            for s in level.lists.samples(face) {
+                let sample = &level.source.samples[s as usize];
+                if attributes.wedges.group(attributes.corners[sample.face as usize][0]) != group {
+                    continue;
+                }
+                let (_, shares, _) = closest_point(triangle, sample.position);
+                wishes.places.push(Place { face, shares, weight: sample.weight });
+                wishes.rows.extend(attributes.row_at(level.source, s));
+            }
+        }
+        wishes
+    }
+
+    fn pull(&self, surface: &Surface) -> Pulls {
+        let columns = surface.wedges.columns().to_vec();
+        let points = surface.points.len();
+        let (sums, weights) = (vec![0.0; points * self.stride], vec![0.0; points * columns.len()]);
+        let mut pulls = Pulls { stride: self.stride, sums, weights, columns };
+        for (&Place { face, shares, weight }, wanted) in self.places.iter().zip(self.rows.chunks_exact(self.stride)) {
+            let now = blend_rows(&surface.wedges, surface.face_wedges(face), shares);
+            pulls.add(surface, face, shares.map(|share| share * weight), &now, wanted);
+        }
+        pulls
     }
 }
 
@@ -72,30 +119,8 @@ struct Pulls {
     columns: Vec<Column>,
 }
 
-fn gather_pulls(level: &Level, attributes: &SourceAttributes) -> Pulls {
-    let columns = attributes.wedges.columns().to_vec();
-    let (points, stride) = (level.surface.points.len(), attributes.wedges.stride());
-    let (sums, weights) = (vec![0.0; points * stride], vec![0.0; points * columns.len()]);
-    let mut pulls = Pulls { stride, sums, weights, columns };
-    for f in level.surface.live_faces() {
-        let (triangle, corners) = (level.triangle(f), level.surface.face_wedges(f));
-        let group = level.surface.wedges.group(corners[0]);
-        for s in level.lists.samples(f) {
-            let sample = &level.source.samples[s as usize];
-            if attributes.wedges.group(attributes.corners[sample.face as usize][0]) != group {
-                continue;
-            }
-            let (_, shares, _) = closest_point(triangle, sample.position);
-            let now = blend_rows(&level.surface.wedges, corners, shares);
-            let wanted = attributes.row_at(level.source, s);
-            pulls.add(level.surface, f, shares.map(|share| share * sample.weight), &now, &wanted);
-        }
-    }
-    pulls
-}
-
 impl Pulls {
-    fn add(&mut self, surface: &Surface, face: usize, weights: [f32; 3], now: &Row, wanted: &Row) {
+    fn add(&mut self, surface: &Surface, face: usize, weights: [f32; 3], now: &[f32], wanted: &[f32]) {
         for (c, column) in self.columns.iter().enumerate() {
             let range = column.offset..column.offset + column.width;
             if let Semantic::TexCoord(_) = column.semantic
@@ -196,7 +221,7 @@ fn change_along(surface: &Surface, p: u32, wedge: u32, step: Vec3) -> Row {
 }
 
 /// Whether a sample's texture coordinates cannot be those of a face.
-fn is_other_chart(surface: &Surface, face: usize, offset: usize, now: &Row, wanted: &Row) -> bool {
+fn is_other_chart(surface: &Surface, face: usize, offset: usize, now: &[f32], wanted: &[f32]) -> bool {
     let at = |row: &[f32]| Vec2::new(row[offset], row[offset + 1]);
     let [a, b, c] = surface.face_wedges(face).map(|w| at(surface.wedges.row(w)));
     let extent = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
