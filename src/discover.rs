@@ -140,8 +140,8 @@ fn add_file(input: &Path, bytes: u64, destination: &Destination, found: &mut Fou
     Ok(())
 }
 
-/// The directory that a file lies in.
-pub(crate) fn directory_of(file: &Path) -> &Path {
+/// The directory that a file lies in: `.` for a bare name.
+pub fn directory_of(file: &Path) -> &Path {
     file.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 

@@ -54,7 +54,7 @@ fn distinct_wedges(surface: &Surface, point: u32) -> SmallVec<[u32; 4]> {
 }
 
 /// Whether an attribute says where else the surface may be: then its errors are errors of the shape.
-fn is_displacement(semantic: Semantic) -> bool {
+pub(crate) fn is_displacement(semantic: Semantic) -> bool {
     matches!(semantic, Semantic::MorphPosition(_) | Semantic::Pose(_))
 }
 

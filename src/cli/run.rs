@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::Parser;
 use gltf_lod::asset::Limits;
 use gltf_lod::bench::{BenchOptions, Instruments, describe_bench};
+use gltf_lod::discover::directory_of;
 use gltf_lod::emit::{self, Content, Output, OutputFile};
 use gltf_lod::preset::{self, Flags};
 use gltf_lod::report::{self, Detail, Outcome, Report};
@@ -268,8 +269,7 @@ fn keep_panics_quiet(verbose: bool) {
 fn write_file(file: &Path, content: impl Into<Vec<u8>>) -> anyhow::Result<()> {
     let name = file.file_name().with_context(|| format!("{}: names no file", file.display()))?;
     let output = OutputFile { relative: name.into(), content: Content::Bytes(content.into()) };
-    let directory = file.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-    Ok(emit::write(&Output { files: vec![output], notes: Vec::new() }, directory)?)
+    Ok(emit::write(&Output { files: vec![output], notes: Vec::new() }, directory_of(file))?)
 }
 
 fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {

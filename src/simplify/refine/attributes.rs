@@ -9,7 +9,7 @@
 
 use super::level::Level;
 use super::source::{Source, closest_point};
-use crate::attributes::turns_over;
+use crate::attributes::{is_displacement, turns_over};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
 use crate::mesh::wedges::{Column, Wedges};
@@ -146,15 +146,7 @@ impl Pulls {
             if weight <= 0.0 || column.semantic == Semantic::Id {
                 continue;
             }
-            let is_sign = |i: usize| column.semantic == Semantic::Tangent && i == column.offset + 3;
-            for i in (column.offset..column.offset + column.width).filter(|&i| !is_sign(i)) {
-                row[i] = surface.wedges.within_range(i, row[i] + self.sums[p as usize * self.stride + i] / weight);
-            }
-            if column.semantic == Semantic::Normal && column.width == 3 {
-                let old = &surface.wedges.row(first)[column.offset..column.offset + 3];
-                let new = Vec3::from_slice(&row[column.offset..column.offset + 3]).try_normalize();
-                new.unwrap_or(Vec3::from_slice(old)).write_to_slice(&mut row[column.offset..column.offset + 3]);
-            }
+            change(&surface.wedges, &mut row, column, |i| self.sums[p as usize * self.stride + i] / weight);
         }
         for &wedge in &own {
             keep_charts(surface, p, wedge, &mut row);
@@ -173,24 +165,27 @@ pub(super) fn go_along(surface: &mut Surface, p: u32, step: Vec3) {
     }
     for wedge in wedges_of(surface, p) {
         let mut row: Row = SmallVec::from_slice(surface.wedges.row(wedge));
-        let change = change_along(surface, p, wedge, step);
-        for column in surface.wedges.columns() {
-            let count = match column.semantic {
-                Semantic::Normal | Semantic::Tangent => column.width.min(3),
-                Semantic::MorphPosition(_) | Semantic::Pose(_) | Semantic::Id => continue,
-                _ => column.width,
-            };
-            let range = column.offset..column.offset + count;
-            for i in range.clone() {
-                row[i] = surface.wedges.within_range(i, row[i] + change[i]);
-            }
-            if column.semantic == Semantic::Normal && count == 3 {
-                let old = Vec3::from_slice(&surface.wedges.row(wedge)[range.clone()]);
-                Vec3::from_slice(&row[range.clone()]).try_normalize().unwrap_or(old).write_to_slice(&mut row[range]);
-            }
+        let along = change_along(surface, p, wedge, step);
+        let stays = |column: &Column| column.semantic == Semantic::Id || is_displacement(column.semantic);
+        for column in surface.wedges.columns().iter().filter(|column| !stays(column)) {
+            change(&surface.wedges, &mut row, column, |i| along[i]);
         }
         keep_charts(surface, p, wedge, &mut row);
         surface.wedges.row_mut(wedge).copy_from_slice(&row);
+    }
+}
+
+/// Adds `by` to the values of a column; normals stay of unit length, and a tangent's handedness what it is.
+fn change(wedges: &Wedges, row: &mut Row, column: &Column, by: impl Fn(usize) -> f32) {
+    let count = if column.semantic == Semantic::Tangent { column.width.min(3) } else { column.width };
+    let range = column.offset..column.offset + count;
+    let is_normal = column.semantic == Semantic::Normal && column.width == 3;
+    let old = is_normal.then(|| Vec3::from_slice(&row[range.clone()]));
+    for i in range.clone() {
+        row[i] = wedges.within_range(i, row[i] + by(i));
+    }
+    if let Some(old) = old {
+        Vec3::from_slice(&row[range.clone()]).try_normalize().unwrap_or(old).write_to_slice(&mut row[range]);
     }
 }
 

@@ -2,8 +2,9 @@
 
 use glam::{Mat3, Vec3};
 
-/// Pull to the old place, relative to the trace; the same in directions that are forbidden.
+/// Pull to the old place, relative to the trace.
 const DAMPING: f32 = 0.02;
+/// The same in directions that are forbidden.
 const STIFFNESS: f32 = 1e3;
 
 /// Normal equations of Σ slope · (pull · step − distance)², `pull` being the direction to the closest point times the share by which that follows
