@@ -1,5 +1,6 @@
 //! The edges of a surface and what runs along them: open borders, seams, material borders, folds.
 
+use super::regions::{Region, join_flags};
 use super::surface::{Corner, Surface};
 use crate::tasks;
 use rayon::prelude::*;
@@ -102,9 +103,9 @@ impl Irregular {
         Self(points.iter().map(|&p| self.0[p as usize]).collect())
     }
 
-    /// Takes what has become of some points.
-    pub fn merge(&mut self, part: &Self, points: &[u32]) {
-        points.iter().zip(&part.0).for_each(|(&p, &is)| self.0[p as usize] |= is);
+    /// Takes what has become of the `count` points there are now, each in one of the parts at least.
+    pub fn join<'a>(&mut self, parts: impl Iterator<Item = (&'a Region, Self)>, count: usize) {
+        self.0 = join_flags(parts.map(|(region, part)| (region, part.0)), count);
     }
 
     /// Makes room for points at plain edges only.

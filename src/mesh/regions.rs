@@ -17,7 +17,7 @@ const MOST_BITS: u32 = 6;
 /// Which points and faces of a surface make up a smaller one. Its own points have the numbers that they have here.
 #[derive(Debug, Default)]
 pub(crate) struct Region {
-    /// First the inner ones, then those of the rim, both in order.
+    /// First the inner ones, then those of the rim, both in order; [`NOWHERE`] for those that are gone, if the whole is numbered anew.
     pub points: Vec<u32>,
     /// How many of the points are inner ones.
     pub inner: usize,
@@ -30,6 +30,43 @@ impl Region {
     pub fn wedges(&self) -> &[u32] {
         if self.wedges.is_empty() { &self.points } else { &self.wedges }
     }
+
+    /// `values` of the part's points, with the points of the whole.
+    pub fn in_whole<T>(&self, values: impl IntoIterator<Item = T>) -> impl Iterator<Item = (usize, T)> {
+        let points = self.points.iter().zip(values);
+        points.filter(|(p, _)| **p != NOWHERE).map(|(&p, value)| (p as usize, value))
+    }
+}
+
+/// A point that is gone.
+pub(crate) const NOWHERE: u32 = u32::MAX;
+
+/// Numbers the points that are left, of a whole of `count`, anew, part after part: those that lie together come together. Gives how many there are.
+pub(crate) fn renumber<'a>(parts: impl Iterator<Item = (&'a mut Region, &'a Surface)>, count: usize) -> usize {
+    // One more than the number; several parts meet at a rim.
+    let mut of_rim = vec![0u32; count];
+    let mut next = 0;
+    for (region, part) in parts {
+        for (p, point) in region.points.iter_mut().enumerate() {
+            let is_gone = part.ring(p as u32).is_empty();
+            let known = if p < region.inner { &mut 0 } else { &mut of_rim[*point as usize] };
+            if *known == 0 && !is_gone {
+                next += 1;
+                *known = next;
+            }
+            *point = if is_gone { NOWHERE } else { *known - 1 };
+        }
+    }
+    next as usize
+}
+
+/// Flags of the `count` points of a whole: what any part has.
+pub(crate) fn join_flags<'a>(parts: impl Iterator<Item = (&'a Region, Vec<bool>)>, count: usize) -> Vec<bool> {
+    let mut flags = vec![false; count];
+    for (region, part) in parts {
+        region.in_whole(part).for_each(|(p, is)| flags[p] |= is);
+    }
+    flags
 }
 
 /// Takes a surface apart, which is empty then: into `count` regions of about as many points each.
@@ -207,6 +244,8 @@ mod tests {
     use super::*;
     use crate::mesh::Mesh;
     use crate::shapes::make_stand_in;
+    use glam::Vec3;
+    use std::collections::BTreeSet;
 
     #[test]
     fn what_is_all_of_one_group_may_be_taken_apart() {
@@ -238,5 +277,36 @@ mod tests {
             faces
         };
         assert!(faces(&surface) == faces(&before));
+    }
+
+    #[test]
+    fn what_is_left_is_numbered_anew() {
+        let mesh = make_stand_in(12_000);
+        let mut surface = Surface::new(&mesh);
+        surface.forget_heirs();
+        let before = surface.points.len();
+        let mut parts = cut(&mut surface, 8);
+        // A point of each part goes with its faces.
+        for (_, part) in &mut parts {
+            part.ring(7).to_vec().into_iter().for_each(|corner| part.remove_face(Surface::face_of(corner)));
+        }
+        let faces: usize = parts.iter().map(|(_, part)| part.face_count()).sum();
+        let (mut regions, parts): (Vec<Region>, Vec<Surface>) = parts.into_iter().unzip();
+        let count = renumber(regions.iter_mut().zip(&parts), before);
+        assert_eq!(count, before - parts.len());
+        surface.join(regions.iter().zip(parts), count);
+        assert!((0..count as u32).all(|p| !surface.ring(p).is_empty()));
+        let (left, vertices) = surface.to_subset(&mesh);
+        assert_eq!((left.triangles.len(), vertices.len()), (faces, count));
+        let in_source: BTreeSet<_> = mesh.triangles.iter().map(|&t| place(&mesh, t)).collect();
+        assert!(left.triangles.iter().all(|&t| in_source.contains(&place(&left, t))));
+        let places = left.positions.iter().zip(surface.to_mesh().positions);
+        assert!(places.into_iter().all(|(&p, q)| Vec3::from(p).distance(q.into()) < 1e-6));
+    }
+
+    /// Where a triangle is, its least corner first.
+    fn place(mesh: &Mesh, triangle: [u32; 3]) -> [[u32; 3]; 3] {
+        let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].map(|x| (x + 0.0).to_bits()));
+        [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or_default()
     }
 }

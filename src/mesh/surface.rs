@@ -36,7 +36,7 @@ pub(crate) struct Surface {
     pub wedges: Wedges,
     rings: Rings,
     live: usize,
-    /// For each point the one it was joined to; itself if it was not. Empty where nobody asks.
+    /// For each point the one it was joined to; itself if it was not. Empty where nobody asks: then points may be numbered anew.
     heirs: Vec<u32>,
 }
 
@@ -230,6 +230,14 @@ impl Surface {
         (surface, irregular)
     }
 
+    /// Brings points, faces and rings into the caches.
+    pub fn read_through(&self) {
+        tasks::read_through(&self.points);
+        tasks::read_through(&self.faces);
+        tasks::read_through(&self.rings.spans);
+        tasks::read_through(&self.rings.pool);
+    }
+
     /// Number of faces.
     pub fn face_count(&self) -> usize {
         self.live
@@ -392,9 +400,14 @@ impl Surface {
         point
     }
 
-    /// Nobody will ask for [heirs](Self::heir).
+    /// Nobody will ask for [heirs](Self::heir), or for any other point by the number it has now.
     pub fn forget_heirs(&mut self) {
         self.heirs = Vec::new();
+    }
+
+    /// Whether points may get other numbers.
+    pub fn may_renumber(&self) -> bool {
+        self.heirs.is_empty()
     }
 
     /// Does what `merge` says; `kept` moves to `position`.
@@ -479,14 +492,30 @@ impl Surface {
         self.live = 0;
     }
 
-    /// Takes the faces of [parts](Self::part) and where their points are, of the `count` there are in all.
+    /// Takes the faces of [parts](Self::part) and where their points are, of the `count` there are in all. If points [have](Self::may_renumber) other
+    /// numbers now, so have their wedges.
     pub fn join<'a>(&mut self, parts: impl Iterator<Item = (&'a Region, Self)>, count: usize) {
         self.points.resize(count, DVec3::ZERO);
-        parts.for_each(|(region, part)| self.append(&part, region));
+        if self.may_renumber() {
+            self.wedges.renumber(count);
+        }
+        for (region, part) in parts {
+            for (p, &position) in region.in_whole(&part.points) {
+                self.points[p] = position;
+            }
+            if self.may_renumber() {
+                self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| region.points[p as usize])));
+                let wedge_of = |p: u32| part.ring(p).first().map_or(p, |&corner| part.wedge_at(corner));
+                self.wedges.take_origins(&part.wedges, region.in_whole((0..).map(wedge_of)));
+            } else {
+                self.append(&part, region);
+            }
+        }
         self.live = self.faces.len();
-        self.rings.rebuild(self.points.len(), &self.faces);
+        self.rings.rebuild(count, &self.faces);
     }
 
+    /// Adds the faces of a part whose points have the numbers that they had.
     fn append(&mut self, part: &Self, region: &Region) {
         let (points, wedges) = (&region.points, region.wedges());
         let tells_apart = !region.wedges.is_empty() || !part.corners.is_empty();
@@ -498,7 +527,6 @@ impl Surface {
             self.corners.extend(part.live_faces().map(|f| corners[f].map(|w| wedges[w as usize])));
         }
         self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| points[p as usize])));
-        points.iter().zip(&part.points).for_each(|(&p, &position)| self.points[p as usize] = position);
         for (&point, &heir) in points.iter().zip(&part.heirs) {
             if points[heir as usize] != point {
                 self.heirs[point as usize] = points[heir as usize];

@@ -107,6 +107,21 @@ impl Wedges {
         self.origins = Vec::new();
     }
 
+    /// There are `count` others from now on; they carry nothing.
+    pub fn renumber(&mut self, count: usize) {
+        self.count = count;
+        if !self.origins.is_empty() {
+            self.origins = vec![0; count];
+        }
+    }
+
+    /// Takes where wedges of a part came from: each wedge here, and what it is there.
+    pub fn take_origins(&mut self, part: &Self, wedges: impl Iterator<Item = (usize, u32)>) {
+        if !self.origins.is_empty() {
+            wedges.for_each(|(here, there)| self.origins[here] = part.origins[there as usize]);
+        }
+    }
+
     pub fn row(&self, wedge: u32) -> &[f32] {
         &self.values[wedge as usize * self.stride..][..self.stride]
     }

@@ -3,6 +3,7 @@
 use super::options::{EdgePolicy, Options, Placement};
 use crate::curvature::normal_and_area;
 use crate::mesh::edges::{Edge, EdgeKind};
+use crate::mesh::regions::{Region, join_flags};
 use crate::mesh::surface::Surface;
 use glam::DVec3;
 use smallvec::SmallVec;
@@ -135,10 +136,10 @@ impl Locked {
         if self.are_none() { self.clone() } else { Self(points.iter().map(|&p| self.has(p)).collect()) }
     }
 
-    /// Takes what has become of some points.
-    pub fn merge(&mut self, part: &Self, points: &[u32]) {
-        for (&point, _) in points.iter().zip(&part.0).filter(|(_, is)| **is) {
-            self.0[point as usize] = true;
+    /// Takes what has become of the `count` points there are now, each in one of the parts at least.
+    pub fn join<'a>(&mut self, parts: impl Iterator<Item = (&'a Region, Self)>, count: usize) {
+        if !self.are_none() {
+            self.0 = join_flags(parts.map(|(region, part)| (region, part.0)), count);
         }
     }
 }

@@ -105,8 +105,11 @@ pub(crate) trait Cost: Any + Send + Sync {
         Vec::new()
     }
 
-    /// Takes back what [`Self::split`] gave for a part of these points. A [refresh](Self::refresh) has to follow.
-    fn join(&mut self, _part: Box<dyn Cost>, _points: &[u32]) {}
+    /// Brings what is known of points and faces into the caches.
+    fn read_through(&self) {}
+
+    /// Takes back what [`Self::split`] gave for parts of the surface, of `count` points now. A [refresh](Self::refresh) has to follow.
+    fn join(&mut self, _parts: Vec<(&Region, Box<dyn Cost>)>, _count: usize) {}
 
     /// Whose edges cost something else after a collapse.
     fn reach(&self) -> Reach {

@@ -441,10 +441,20 @@ impl Cost for Enhanced {
         parts.par_iter().map(part).collect()
     }
 
-    fn join(&mut self, part: Box<dyn Cost>, points: &[u32]) {
-        let Ok(mut part) = (part as Box<dyn Any>).downcast::<Self>() else { return };
-        part.drop_apexes();
-        points.iter().zip(part.curvatures).for_each(|(&p, curvature)| self.curvatures[p as usize] = curvature);
+    fn read_through(&self) {
+        tasks::read_through(&self.apexes);
+        tasks::read_through(&self.facets);
+        tasks::read_through(&self.ridged);
+    }
+
+    fn join(&mut self, parts: Vec<(&Region, Box<dyn Cost>)>, count: usize) {
+        self.curvatures = vec![0.0; count];
+        self.ridged = vec![false; count];
+        for (region, part) in parts {
+            let Ok(mut part) = (part as Box<dyn Any>).downcast::<Self>() else { return };
+            part.drop_apexes();
+            region.in_whole(part.curvatures).for_each(|(p, curvature)| self.curvatures[p] = curvature);
+        }
     }
 
     fn update(&mut self, surface: &Surface, point: u32) {

@@ -55,7 +55,7 @@ pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     if options.placement == Placement::Optimal {
         reducer.surface.wedges.forget_origins();
     }
-    if refiner.is_none() && shading.is_none() {
+    if refiner.is_none() && shading.is_none() && cards.is_none() {
         reducer.surface.forget_heirs();
     }
     let workspace = passes::Workspace::default();

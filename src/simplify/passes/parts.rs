@@ -103,6 +103,8 @@ impl Part {
 
     /// Collapses by all buckets below `end`, but for `most` faces at most; gives whether that was enough.
     fn drain(&mut self, end: usize, most: usize) -> bool {
+        // Since its last round all others have been worked on.
+        self.reducer.read_through();
         let limit = self.face_count().saturating_sub(most).max(1);
         !self.workspace.drain(&mut self.reducer, 0, limit, end)
     }

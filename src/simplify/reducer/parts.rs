@@ -1,7 +1,7 @@
 //! Taking the state of a reduction apart, and putting it together again.
 
 use super::Reducer;
-use crate::mesh::regions::{Region, cut};
+use crate::mesh::regions::{Region, cut, join_flags, renumber};
 use crate::mesh::surface::Surface;
 use crate::simplify::Refusals;
 use crate::simplify::cost::Cost;
@@ -48,24 +48,35 @@ impl Reducer {
         }
     }
 
+    /// Brings what collapses of a part look at here and there into the caches.
+    pub fn read_through(&self) {
+        self.surface.read_through();
+        self.cost.read_through();
+    }
+
     /// Puts the surface together again.
     pub fn join(&mut self, parts: Vec<(Region, Self)>) {
-        let count = self.border.len();
-        let take_apart = |(region, part): (Region, Self)| {
-            let Self { surface, cost, border, locked, irregular, refusals, .. } = part;
-            (region, (surface, (cost, border, locked, irregular, refusals)))
-        };
-        let (regions, (surfaces, others)): (Vec<_>, (Vec<_>, Vec<_>)) = parts.into_iter().map(take_apart).unzip();
-        let surfaces = || self.surface.join(regions.iter().zip(surfaces), count);
+        let (mut regions, mut surfaces, mut costs) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut border, mut locked, mut irregular) = (Vec::new(), Vec::new(), Vec::new());
+        for (region, part) in parts {
+            regions.push(region);
+            surfaces.push(part.surface);
+            costs.push(part.cost);
+            border.push(part.border);
+            locked.push(part.locked);
+            irregular.push(part.irregular);
+            self.refusals.add(part.refusals);
+        }
+        let mut count = self.border.len();
+        if self.surface.may_renumber() {
+            count = renumber(regions.iter_mut().zip(&surfaces), count);
+        }
         let others = || {
-            for (Region { points, .. }, (cost, border, locked, irregular, refusals)) in regions.iter().zip(others) {
-                points.iter().zip(border).for_each(|(&p, is)| self.border[p as usize] |= is);
-                self.locked.merge(&locked, points);
-                self.irregular.merge(&irregular, points);
-                self.refusals.add(refusals);
-                self.cost.join(cost, points);
-            }
+            self.border = join_flags(regions.iter().zip(border), count);
+            self.locked.join(regions.iter().zip(locked), count);
+            self.irregular.join(regions.iter().zip(irregular), count);
+            self.cost.join(regions.iter().zip(costs).collect(), count);
         };
-        rayon::join(surfaces, others);
+        rayon::join(|| self.surface.join(regions.iter().zip(surfaces), count), others);
     }
 }
