@@ -208,16 +208,26 @@ impl Metric {
         }
     }
 
+    /// How much each number of a row counts that does, and a difference in it, in lengths of the unit frame, on a surface of so many faces.
+    pub fn scales(&self, faces: usize) -> Vec<(usize, f32)> {
+        let scale = self.scale_of(faces);
+        self.terms.iter().map(|term| (term.index, scale(term))).collect()
+    }
+
+    fn scale_of(&self, faces: usize) -> impl Fn(&Term) -> f32 + use<> {
+        let size = if self.area > 0.0 { (self.area / faces.max(1) as f64).sqrt() as f32 } else { 1.0 };
+        move |term| if term.by_size { term.weight * size } else { term.weight }
+    }
+
     /// Sets the scales of all numbers for a surface of so many faces.
     fn scale(&mut self, faces: usize) {
-        let size = if self.area > 0.0 { (self.area / faces.max(1) as f64).sqrt() as f32 } else { 1.0 };
-        let scale = |term: &Term| if term.by_size { term.weight * size } else { term.weight };
+        let scale = self.scale_of(faces);
         let (plain, displacements) = self.terms.split_at(self.plain_terms);
         let plain = plain.chunks(LANES).zip((0..).step_by(LANES));
-        let plain = plain.map(|(terms, first)| Block::new((first, terms), None, scale));
+        let plain = plain.map(|(terms, first)| Block::new((first, terms), None, &scale));
         let displacements = displacements.chunks(3).zip((self.plain_terms..).step_by(3));
         let share = |terms: &[Term]| Some(terms[0].weight / self.frame);
-        let displacements = displacements.map(|(terms, first)| Block::new((first, terms), share(terms), scale));
+        let displacements = displacements.map(|(terms, first)| Block::new((first, terms), share(terms), &scale));
         self.blocks = plain.chain(displacements).collect();
     }
 

@@ -217,7 +217,7 @@ impl Builder<'_> {
             return (self.level_mesh(), stop);
         };
         let mut surface = self.reducer.surface.clone();
-        if refiner.refine(&mut surface, self.reducer.locked()) {
+        if refiner.refine(&mut surface, self.reducer.locked(), self.reducer.cost.metric()) {
             self.reducer.adopt(surface);
             self.workspace.forget();
         }

@@ -18,9 +18,6 @@ const REFILL: f64 = 0.4;
 /// Share of the edges that the queue keeps, the cheapest: on the way there no more than four of five were ever needed, and most of those that are ranked
 /// again are dearer.
 const KEPT: f64 = 0.85;
-/// Faces from which on the queue of the whole surface is left for parts as soon as that is possible: their data fit the caches.
-const MANY: usize = 96 * 1024;
-
 /// How closely the order of costs is kept.
 #[derive(Debug, Clone, Copy)]
 struct Order {
@@ -82,9 +79,7 @@ pub(crate) struct Workspace {
 pub(crate) fn run(reducer: &mut Reducer, workspace: &mut Workspace, target: usize) {
     while reducer.surface.face_count() > target {
         let limit = match workspace.serves_to {
-            Some(limit) if reducer.surface.face_count() > limit && !parts::is_worthwhile(reducer, target, MANY) => {
-                limit
-            }
+            Some(limit) if reducer.surface.face_count() > limit && !parts::is_worthwhile(reducer, target) => limit,
             _ => workspace.fill(reducer, target),
         };
         if workspace.drain(reducer, target, target.max(limit), BUCKETS) {
@@ -131,7 +126,7 @@ impl Workspace {
         let mut order = Order::of(reducer, self.order.is_none());
         let limit = |reducer: &Reducer| (reducer.surface.face_count() as f64 * REFILL) as usize;
         let mut is_going_on = true;
-        while is_going_on && parts::is_worthwhile(reducer, target, 0) {
+        while is_going_on && parts::is_worthwhile(reducer, target) {
             let next = target.max(limit(reducer));
             is_going_on = parts::reduce(reducer, next, order);
             order = Order::of(reducer, false);

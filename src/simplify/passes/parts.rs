@@ -10,8 +10,8 @@ use crate::simplify::prune::Piece;
 use crate::simplify::reducer::Reducer;
 use rayon::prelude::*;
 
-/// Faces from which on taking a surface apart is worth it.
-const LEAST: usize = 96 * 1024;
+/// Faces from which on taking a surface apart is worth it: from there on that costs no more than waiting for memory does.
+const LEAST: usize = 72 * 1024;
 /// Most faces of a part.
 const MOST: usize = 24 * 1024;
 /// Share of the faces that have to go at least.
@@ -31,10 +31,10 @@ const FIRST_YIELD: f64 = 4.0;
 const OCTAVE: usize = 64;
 
 /// Whether so many faces are worth reducing in parts.
-pub(super) fn is_worthwhile(reducer: &Reducer, target: usize, least: usize) -> bool {
+pub(super) fn is_worthwhile(reducer: &Reducer, target: usize) -> bool {
     let faces = reducer.surface.face_count();
     let is_far = faces.saturating_sub(target) as f64 > LEAST_SHARE * faces as f64;
-    faces >= least.max(LEAST) && is_far && reducer.is_separable()
+    faces >= LEAST && is_far && reducer.is_separable()
 }
 
 /// Reduces the surface to a little above `target` faces; gives whether it came near.

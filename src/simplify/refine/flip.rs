@@ -55,7 +55,9 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> boo
     if probes.iter().any(|probe| level.comes_to_look_away(&old, &new, probe.foot)) {
         return false;
     }
-    if turns_charts(level.surface, faces, [a, b, c, d]) {
+    if turns_charts(level.surface, faces, [a, b, c, d])
+        || harms_attributes(level, faces, [a, b, c, d], [&old, &new], most - after.cost)
+    {
         return false;
     }
     flip_edge(level.surface, first, second, a, b);
@@ -84,12 +86,32 @@ fn turns(old: &[[Vec3; 3]; 2], new: &[[Vec3; 3]; 2]) -> bool {
     })
 }
 
+/// Whether the attributes of the diamond are so much farther off with the other diagonal that it costs more than is gained.
+fn harms_attributes(
+    level: &Level,
+    faces: [usize; 2],
+    [a, b, c, d]: [u32; 4],
+    [old, new]: [&[[Vec3; 3]; 2]; 2],
+    gain: f32,
+) -> bool {
+    let Some(wants) = &level.wants else { return false };
+    let places =
+        [(faces[0], a), (faces[0], b), (faces[0], c), (faces[1], d)].map(|(f, p)| wedge_in(level.surface, f, p));
+    let [Some(a), Some(b), Some(c), Some(d)] = places else { return false };
+    wants.harm(level, &faces, (old, &[[a, b, c], [b, a, d]]), (new, &[[c, d, b], [d, c, a]])) > gain
+}
+
+/// The wedge of a point in a face.
+fn wedge_in(surface: &Surface, face: usize, p: u32) -> Option<u32> {
+    Some(surface.face_wedges(face)[surface.face(face).iter().position(|&q| q == p)?])
+}
+
 /// Whether the other diagonal would turn a face over in a texture: there the diamond may have another shape.
 fn turns_charts(surface: &Surface, [first, second]: [usize; 2], [a, b, c, d]: [u32; 4]) -> bool {
     let wedges = &surface.wedges;
     wedges.tex_coords().any(|offset| {
         let place = |face: usize, p: u32| {
-            let wedge = surface.face_wedges(face)[surface.face(face).iter().position(|&q| q == p)?];
+            let wedge = wedge_in(surface, face, p)?;
             Some(Vec2::from_slice(&wedges.row(wedge)[offset..]))
         };
         let places = [place(first, a), place(first, b), place(first, c), place(second, d)];

@@ -1,6 +1,7 @@
 //! A level under refinement: which samples each face stands for, and what its errors are worth.
 
 use super::Budget;
+use super::attributes::Wants;
 use super::hold::Hold;
 use super::lists::{Lists, NONE};
 use super::patch::{Appraisal, Patch};
@@ -79,6 +80,8 @@ pub(super) struct Level<'a> {
     pub budget: Budget,
     /// Of each face, as far as they are known.
     pub spots: Vec<Spots>,
+    /// `None` if no attribute counts.
+    pub wants: Option<Wants<'a>>,
 }
 
 impl Level<'_> {

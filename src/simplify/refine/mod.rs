@@ -37,8 +37,9 @@ mod step;
 
 use super::constraints::Locked;
 use super::options::Effort;
+use crate::attributes::Metric;
 use crate::mesh::surface::Surface;
-use attributes::SourceAttributes;
+use attributes::{SourceAttributes, Wants};
 use follow::Followed;
 use glam::Vec3;
 use hold::Hold;
@@ -151,10 +152,10 @@ impl Refiner {
         self.followed.assign(surface, &self.source, samples, &mut self.lists);
     }
 
-    /// Refines `surface`, made from the level before by collapses. Points that are `locked` stay. The number of faces is the same afterwards. Gives
+    /// Refines `surface`, made from the level before by collapses; `metric` says what attributes count. Points that are `locked` stay. The number of faces is the same afterwards. Gives
     /// whether the surface is nearer to the source than it was: by the mean distance of samples that no move knows to it and of its places to the source, and by the
     /// largest of all that was looked at.
-    pub fn refine(&mut self, surface: &mut Surface, locked: &Locked) -> bool {
+    pub fn refine(&mut self, surface: &mut Surface, locked: &Locked, metric: &Metric) -> bool {
         let holds = Hold::find(surface, locked);
         let faces = surface.face_count();
         let is_fine = !self.has_samples(faces, ENOUGH_SAMPLES);
@@ -176,6 +177,11 @@ impl Refiner {
             prices: Prices::default(),
             budget: self.budget,
             spots: Vec::new(),
+            wants: self
+                .attributes
+                .as_ref()
+                .filter(|_| !metric.is_empty())
+                .map(|source| Wants { source, scales: metric.scales(faces) }),
         };
         level.spots.resize(level.surface.face_slots(), Spots::UNKNOWN);
         level.prices = Prices::of_level(&level);

@@ -64,7 +64,8 @@ pub(super) fn find_removal(level: &mut Level, edge: [u32; 2]) -> Option<Removal>
             continue;
         }
         let after = level.patch.attempt_any(&new, &level.prices);
-        let loss = after.cost + level.price(&level.probe_fan(&new, foot)) - before.cost - back;
+        let loss = after.cost + level.price(&level.probe_fan(&new, foot)) - before.cost - back
+            + harm_to_attributes(level, &merge, &faces, &old, &new);
         if after.turned <= before.turned && loss.is_finite() && best.as_ref().is_none_or(|best| loss < best.loss) {
             best = Some(Removal { points: points_of(&merge), loss, edge, place, foot });
         }
@@ -78,6 +79,17 @@ fn faces_of(level: &Level, merge: &Merge) -> (Vec<usize>, Vec<[Vec3; 3]>) {
     let faces: Vec<usize> = stay.chain(merge.faces()).collect();
     let triangles = faces.iter().map(|&f| level.triangle(f)).collect();
     (faces, triangles)
+}
+
+/// What the collapse costs in attributes: the joined point keeps the values that it has, until all are fitted.
+fn harm_to_attributes(level: &Level, merge: &Merge, faces: &[usize], old: &[[Vec3; 3]], new: &[[Vec3; 3]]) -> f32 {
+    let Some(wants) = &level.wants else { return 0.0 };
+    let old_wedges: Vec<_> = faces.iter().map(|&f| level.surface.face_wedges(f)).collect();
+    let new_wedges = merge.spokes().iter().map(|&corner| {
+        let [p, q] = level.surface.opposite_wedges(corner);
+        [merge.target(level.surface.wedge_at(corner)), p, q]
+    });
+    wants.harm(level, faces, (old, &old_wedges), (new, &new_wedges.collect::<Vec<_>>()))
 }
 
 fn points_of(merge: &Merge) -> Vec<u32> {

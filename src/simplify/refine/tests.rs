@@ -107,7 +107,7 @@ fn levels_come_nearer_and_best_at_least_as_near() {
     let distances = [Effort::Default, Effort::Best].map(|effort| {
         let (reducer, mut refiner) = collapse(&mesh, &Options { effort, ..Options::default() }, 700);
         let mut surface = reducer.surface.clone();
-        assert!(refiner.refine(&mut surface, reducer.locked()));
+        assert!(refiner.refine(&mut surface, reducer.locked(), reducer.cost.metric()));
         let (was, is) = (deviation.of(&reducer.surface.to_mesh()), deviation.of(&surface.to_mesh()));
         [is.rms / was.rms, is.max / was.max]
     });
@@ -130,7 +130,7 @@ fn levels_are_never_worse_by_the_ruler() {
             let target = (share * mesh.triangles.len() as f64) as usize;
             let (reducer, mut refiner) = collapse(mesh, &Options { effort, ..Options::default() }, target);
             let mut surface = reducer.surface.clone();
-            if refiner.refine(&mut surface, reducer.locked()) {
+            if refiner.refine(&mut surface, reducer.locked(), reducer.cost.metric()) {
                 kept += 1;
                 let (was, is) = (ruler.measure(&reducer.surface.to_mesh()), ruler.measure(&surface.to_mesh()));
                 assert!(is.rms() <= was.rms() * 1.01, "{} {}", is.rms(), was.rms());
@@ -146,7 +146,7 @@ fn what_cannot_be_better_stays() {
     let flat = sheet(12, &[]);
     let (reducer, mut refiner) = collapse(&flat, &Options { effort: Effort::Best, ..Options::default() }, 60);
     let mut surface = reducer.surface.clone();
-    refiner.refine(&mut surface, reducer.locked());
+    refiner.refine(&mut surface, reducer.locked(), reducer.cost.metric());
     assert!(surface.points.iter().all(|p| p.z.abs() < 1e-6));
 }
 
@@ -157,7 +157,7 @@ fn normals_are_fitted_to_the_source() {
     mesh.attributes = vec![Attribute { semantic: Semantic::Normal, width: 3, values }];
     let (reducer, mut refiner) = collapse(&mesh, &Options { effort: Effort::Default, ..Options::default() }, 300);
     let mut surface = reducer.surface.clone();
-    refiner.refine(&mut surface, reducer.locked());
+    refiner.refine(&mut surface, reducer.locked(), reducer.cost.metric());
     let level = surface.to_mesh();
     let normals = level.attribute(Semantic::Normal).map_or(&[][..], |a| &a.values);
     assert_eq!(normals.len(), level.positions.len() * 3);
@@ -183,7 +183,7 @@ proptest! {
         let (reducer, mut refiner) = collapse(&mesh, &options, target);
         let before = &reducer.surface;
         let mut after = before.clone();
-        let is_kept = refiner.refine(&mut after, reducer.locked());
+        let is_kept = refiner.refine(&mut after, reducer.locked(), reducer.cost.metric());
         prop_assert_eq!(before.face_count(), after.face_count());
         let special = special_edges(before);
         prop_assert_eq!(&special, &special_edges(&after));
