@@ -1,5 +1,6 @@
 //! Attributes on the way down: flat faces stay flat in shading, charts keep to themselves, morph targets keep their shapes.
 
+use gltf_lod::measure::{Ruler, Sampling};
 use gltf_lod::mesh::{Attribute, Mesh, Semantic};
 use gltf_lod::simplify::{Effort, Options, Target, simplify};
 use proptest::prelude::*;
@@ -124,4 +125,45 @@ fn a_morph_target_keeps_its_shape() {
         (middle(attribute, t)[2] - hill(centre[0], centre[1])).abs()
     });
     assert!(middles.fold(0.0, f32::max) < 0.15);
+}
+
+/// A disc and the wall around it. Normals at the rim are those in between, so that all of what is next to it is shaded as if it were rounded.
+#[test]
+fn refinement_leaves_narrow_bands_their_shading() {
+    const AROUND: u32 = 72;
+    let rows: Vec<(f32, f32)> =
+        (1..=24).map(|i| (i as f32 / 24.0, 0.0)).chain((1..12).map(|i| (1.0, i as f32 / -24.0))).collect();
+    let point = |(r, z): (f32, f32), i: u32| {
+        let (sin, cos) = (std::f32::consts::TAU * i as f32 / AROUND as f32).sin_cos();
+        let normal = match (r < 1.0, z < 0.0) {
+            (true, _) => [0.0, 0.0, 1.0],
+            (_, true) => [cos, sin, 0.0],
+            _ => [cos, sin, 1.0].map(|x| x * 0.5_f32.sqrt()),
+        };
+        ([r * cos, r * sin, z], normal)
+    };
+    let (mut mesh, mut normals) = (Mesh::default(), Vec::new());
+    for (row, &place) in (0..).zip(&rows) {
+        for i in 0..AROUND {
+            let (position, normal) = point(place, i);
+            mesh.positions.push(position);
+            normals.extend(normal);
+            let [a, b] = [i, (i + 1) % AROUND].map(|i| row * AROUND + i);
+            if row as usize + 1 < rows.len() {
+                mesh.triangles.extend([[a, a + AROUND, b], [b, a + AROUND, b + AROUND]]);
+            }
+        }
+    }
+    mesh.attributes = vec![Attribute { semantic: Semantic::Normal, width: 3, values: normals }];
+    let ruler = Ruler::new(&mesh, Sampling::default());
+    let off = |effort| -> f64 {
+        let levels = levels(&mesh, &[0.25, 0.1, 0.08, 0.05, 0.04, 0.03], effort);
+        levels.iter().map(|level| ruler.measure(level).shading_deg.expect("has normals")).sum()
+    };
+    // Where flips and removals do not look at normals it is 1.9 and 2.5 times as much.
+    let fast = off(Effort::Fast);
+    for effort in [Effort::Default, Effort::Best] {
+        let refined = off(effort);
+        assert!(refined < 1.4 * fast, "{effort:?}: {refined}° for {fast}°");
+    }
 }
