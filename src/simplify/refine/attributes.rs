@@ -101,81 +101,90 @@ pub(super) fn fit(level: &mut Level, attributes: &SourceAttributes) {
     }
 }
 
-/// What samples want their places on the level to have: found once, as no point moves meanwhile.
+/// What samples want of the faces that they are on, which is found once, as no point moves meanwhile. With `b` the barycentric weights of samples
+/// and `v` their values, a face needs `Mₖₗ = Σ w bₖ bₗ` and `Sₖ = Σ w bₖ v` alone: its corners are pulled by `Sₖ − Σ Mₖₗ vₗ`.
 struct Wishes {
     stride: usize,
-    places: Vec<Place>,
-    /// The source's values, a row a place.
-    rows: Vec<f32>,
-}
-
-/// Where a sample is on the level.
-struct Place {
-    face: usize,
-    /// Of the face's corners.
-    shares: [f32; 3],
-    weight: f32,
+    columns: Vec<Column>,
+    /// Of each face, by column, as samples may count for some columns only: M, row by row.
+    moments: Vec<[[f32; 3]; 3]>,
+    /// Of each face: S of its three corners, a row each.
+    sums: Vec<f32>,
 }
 
 impl Wishes {
     fn of_samples(level: &Level, attributes: &SourceAttributes) -> Self {
-        let mut wishes = Self { stride: attributes.wedges.stride(), places: Vec::new(), rows: Vec::new() };
+        let (stride, columns) = (attributes.wedges.stride(), level.surface.wedges.columns().to_vec());
+        let slots = level.surface.face_slots();
+        let (moments, sums) = (vec![[[0.0; 3]; 3]; slots * columns.len()], vec![0.0; slots * 3 * stride]);
+        let mut wishes = Self { stride, columns, moments, sums };
         for face in level.surface.live_faces() {
             let triangle = level.triangle(face);
-            let group = level.surface.wedges.group(level.surface.face_wedges(face)[0]);
+            let wedges = level.surface.face_wedges(face);
+            let group = level.surface.wedges.group(wedges[0]);
             for s in level.lists.samples(face) {
                 let sample = &level.source.samples[s as usize];
                 if attributes.wedges.group(attributes.corners[sample.face as usize][0]) != group {
                     continue;
                 }
                 let (_, shares, _) = closest_point(triangle, sample.position);
-                wishes.places.push(Place { face, shares, weight: sample.weight });
-                wishes.rows.extend(attributes.row_at(level.source, s));
+                let wanted = attributes.row_at(level.source, s);
+                wishes.add(level.surface, face, (shares, sample.weight), &wanted);
             }
         }
         wishes
     }
 
-    fn pull(&self, surface: &Surface) -> Pulls {
-        let columns = surface.wedges.columns().to_vec();
-        let points = surface.points.len();
-        let (sums, weights) = (vec![0.0; points * self.stride], vec![0.0; points * columns.len()]);
-        let mut pulls = Pulls { stride: self.stride, sums, weights, columns };
-        for (&Place { face, shares, weight }, wanted) in self.places.iter().zip(self.rows.chunks_exact(self.stride)) {
-            let now = blend_rows(&surface.wedges, surface.face_wedges(face), shares);
-            pulls.add(surface, face, shares.map(|share| share * weight), &now, wanted);
+    fn add(&mut self, surface: &Surface, face: usize, (shares, weight): ([f32; 3], f32), wanted: &[f32]) {
+        let heavy = shares.map(|share| share * weight);
+        for (c, column) in self.columns.iter().enumerate() {
+            if let Semantic::TexCoord(_) = column.semantic
+                && is_other_chart(surface, face, column.offset, shares, wanted)
+            {
+                continue;
+            }
+            for (k, heavy) in heavy.into_iter().enumerate() {
+                let moments = &mut self.moments[face * self.columns.len() + c][k];
+                moments.iter_mut().zip(shares).for_each(|(sum, share)| *sum += heavy * share);
+                let range = column.offset..column.offset + column.width;
+                let sums = &mut self.sums[(3 * face + k) * self.stride..][range.clone()];
+                sums.iter_mut().zip(&wanted[range]).for_each(|(sum, value)| *sum += heavy * value);
+            }
+        }
+    }
+
+    fn pull(&self, surface: &Surface) -> Pulls<'_> {
+        let (points, count) = (surface.points.len(), self.columns.len());
+        let (sums, weights) = (vec![0.0; points * self.stride], vec![0.0; points * count]);
+        let mut pulls = Pulls { stride: self.stride, sums, weights, columns: &self.columns };
+        for face in surface.live_faces() {
+            let rows = surface.face_wedges(face).map(|wedge| surface.wedges.row(wedge));
+            for (k, p) in surface.face(face).into_iter().enumerate() {
+                let sums = &mut pulls.sums[p as usize * self.stride..][..self.stride];
+                let wanted = &self.sums[(3 * face + k) * self.stride..][..self.stride];
+                for (c, column) in self.columns.iter().enumerate() {
+                    let [x, y, z] = self.moments[face * count + c][k];
+                    pulls.weights[p as usize * count + c] += x + y + z;
+                    for i in column.offset..column.offset + column.width {
+                        sums[i] += wanted[i] - (x * rows[0][i] + y * rows[1][i] + z * rows[2][i]);
+                    }
+                }
+            }
         }
         pulls
     }
 }
 
 /// What the samples around each point would add to its values.
-struct Pulls {
+struct Pulls<'a> {
     stride: usize,
     sums: Vec<f32>,
-    /// By column, as samples may count for some columns only.
+    /// By column.
     weights: Vec<f32>,
-    columns: Vec<Column>,
+    columns: &'a [Column],
 }
 
-impl Pulls {
-    fn add(&mut self, surface: &Surface, face: usize, weights: [f32; 3], now: &[f32], wanted: &[f32]) {
-        for (c, column) in self.columns.iter().enumerate() {
-            let range = column.offset..column.offset + column.width;
-            if let Semantic::TexCoord(_) = column.semantic
-                && is_other_chart(surface, face, column.offset, now, wanted)
-            {
-                continue;
-            }
-            for (p, weight) in surface.face(face).into_iter().zip(weights) {
-                self.weights[p as usize * self.columns.len() + c] += weight;
-                for i in range.clone() {
-                    self.sums[p as usize * self.stride + i] += weight * (wanted[i] - now[i]);
-                }
-            }
-        }
-    }
-
+impl Pulls<'_> {
     fn apply(&self, surface: &mut Surface, p: u32) {
         let own = wedges_of(surface, p);
         let Some(&first) = own.first() else { return };
@@ -254,12 +263,13 @@ fn change_along(surface: &Surface, p: u32, wedge: u32, step: Vec3) -> Row {
     change
 }
 
-/// Whether a sample's texture coordinates cannot be those of a face.
-fn is_other_chart(surface: &Surface, face: usize, offset: usize, now: &[f32], wanted: &[f32]) -> bool {
+/// Whether a sample's texture coordinates cannot be those of a face, at the place with these barycentric weights.
+fn is_other_chart(surface: &Surface, face: usize, offset: usize, shares: [f32; 3], wanted: &[f32]) -> bool {
     let at = |row: &[f32]| Vec2::new(row[offset], row[offset + 1]);
     let [a, b, c] = surface.face_wedges(face).map(|w| at(surface.wedges.row(w)));
+    let now = a * shares[0] + b * shares[1] + c * shares[2];
     let extent = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-    at(now).distance_squared(at(wanted)) > SAME_CHART * SAME_CHART * extent
+    now.distance_squared(at(wanted)) > SAME_CHART * SAME_CHART * extent
 }
 
 fn look_up_influences(level: &mut Level, attributes: &SourceAttributes, p: u32) {
