@@ -39,7 +39,7 @@ impl Region {
 }
 
 /// A point that is gone.
-pub(crate) const NOWHERE: u32 = u32::MAX;
+const NOWHERE: u32 = u32::MAX;
 
 /// Numbers the points that are left, of a whole of `count`, anew, part after part: those that lie together come together. Gives how many there are.
 pub(crate) fn renumber<'a>(parts: impl Iterator<Item = (&'a mut Region, &'a Surface)>, count: usize) -> usize {

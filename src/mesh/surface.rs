@@ -464,7 +464,12 @@ impl Surface {
         if self.corners.is_empty() {
             return Vec::new();
         }
-        points.iter().map(|&p| self.ring(p).first().map_or(p, |&corner| self.wedge_at(corner))).collect()
+        points.iter().map(|&p| self.wedge_of(p)).collect()
+    }
+
+    /// The wedge of a point of a bare surface.
+    fn wedge_of(&self, point: u32) -> u32 {
+        self.ring(point).first().map_or(point, |&corner| self.wedge_at(corner))
     }
 
     /// A surface of these faces between points of this one, which is [bare](Self::is_bare).
@@ -505,8 +510,7 @@ impl Surface {
             }
             if self.may_renumber() {
                 self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| region.points[p as usize])));
-                let wedge_of = |p: u32| part.ring(p).first().map_or(p, |&corner| part.wedge_at(corner));
-                self.wedges.take_origins(&part.wedges, region.in_whole((0..).map(wedge_of)));
+                self.wedges.take_origins(&part.wedges, region.in_whole((0..).map(|p| part.wedge_of(p))));
             } else {
                 self.append(&part, region);
             }

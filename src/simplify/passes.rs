@@ -18,6 +18,7 @@ const REFILL: f64 = 0.4;
 /// Share of the edges that the queue keeps, the cheapest: on the way there no more than four of five were ever needed, and most of those that are ranked
 /// again are dearer.
 const KEPT: f64 = 0.85;
+
 /// How closely the order of costs is kept.
 #[derive(Debug, Clone, Copy)]
 struct Order {

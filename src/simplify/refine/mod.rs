@@ -9,7 +9,9 @@
 //!    counting most and with places on the level looked at, too; faces between the samples may bridge a gap or stick out. What that costs in the
 //!    mean the next sweep wins back.
 //! 3. **Exchanges** (`best`): a point comes in where the level is farthest from the source, in either direction, and one that is missed less goes.
-//! 4. **Attributes** of points that moved are looked up on the source.
+//! 4. **Attributes** of points that moved are fitted to the source.
+//!
+//! What flips and exchanges take away from attributes counts as well: where all is flat distances do not speak for an edge, but normals may.
 //!
 //! Points at borders and edges of several faces stay, and so do locked ones; those on seams do not leave them. All such edges stay edges.
 //!
@@ -152,9 +154,9 @@ impl Refiner {
         self.followed.assign(surface, &self.source, samples, &mut self.lists);
     }
 
-    /// Refines `surface`, made from the level before by collapses; `metric` says what attributes count. Points that are `locked` stay. The number of faces is the same afterwards. Gives
-    /// whether the surface is nearer to the source than it was: by the mean distance of samples that no move knows to it and of its places to the source, and by the
-    /// largest of all that was looked at.
+    /// Refines `surface`, made from the level before by collapses; `metric` says what attributes count. Points that are `locked` stay. The number of
+    /// faces is the same afterwards. Gives whether the surface is nearer to the source than it was: by the mean distance of samples that no move knows
+    /// to it and of its places to the source, and by the largest of all that was looked at.
     pub fn refine(&mut self, surface: &mut Surface, locked: &Locked, metric: &Metric) -> bool {
         let holds = Hold::find(surface, locked);
         let faces = surface.face_count();
