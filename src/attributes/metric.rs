@@ -208,7 +208,7 @@ impl Metric {
         }
     }
 
-    /// How much each number of a row counts that does, and a difference in it, in lengths of the unit frame, on a surface of so many faces.
+    /// The numbers of a row that count, and the length in the unit frame that a difference of 1 in each is worth on a surface of so many faces.
     pub fn scales(&self, faces: usize) -> Vec<(usize, f32)> {
         let scale = self.scale_of(faces);
         self.terms.iter().map(|term| (term.index, scale(term))).collect()

@@ -509,18 +509,18 @@ impl Surface {
                 self.points[p] = position;
             }
             if self.may_renumber() {
-                self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| region.points[p as usize])));
                 self.wedges.take_origins(&part.wedges, region.in_whole((0..).map(|p| part.wedge_of(p))));
             } else {
-                self.append(&part, region);
+                self.append_wedges_and_heirs(&part, region);
             }
+            self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| region.points[p as usize])));
         }
         self.live = self.faces.len();
         self.rings.rebuild(count, &self.faces);
     }
 
-    /// Adds the faces of a part whose points have the numbers that they had.
-    fn append(&mut self, part: &Self, region: &Region) {
+    /// Adds what stands at the corners of a part's faces, before these, and what became of its points, which have the numbers that they had.
+    fn append_wedges_and_heirs(&mut self, part: &Self, region: &Region) {
         let (points, wedges) = (&region.points, region.wedges());
         let tells_apart = !region.wedges.is_empty() || !part.corners.is_empty();
         if tells_apart {
@@ -530,7 +530,6 @@ impl Surface {
             let corners = part.corners_or_points();
             self.corners.extend(part.live_faces().map(|f| corners[f].map(|w| wedges[w as usize])));
         }
-        self.faces.extend(part.live_faces().map(|f| part.faces[f].map(|p| points[p as usize])));
         for (&point, &heir) in points.iter().zip(&part.heirs) {
             if points[heir as usize] != point {
                 self.heirs[point as usize] = points[heir as usize];

@@ -39,50 +39,16 @@ impl SourceAttributes {
         (!surface.wedges.is_plain()).then(|| Self { wedges: surface.wedges.clone(), corners })
     }
 
+    /// The group of a face of the source.
+    pub fn group(&self, face: u32) -> u32 {
+        self.wedges.group(self.corners[face as usize][0])
+    }
+
     /// The values at a sample, with unit normals.
-    fn row_at(&self, source: &Source, sample: u32) -> Row {
+    pub fn row_at(&self, source: &Source, sample: u32) -> Row {
         let sample = &source.samples[sample as usize];
         let (_, weights, _) = closest_point(source.triangle(sample.face), sample.position);
         blend_rows(&self.wedges, self.corners[sample.face as usize], weights)
-    }
-}
-
-/// What samples want of the source's attributes, and how much that counts: each number of a row that does, and its scale.
-pub(super) struct Wants<'a> {
-    pub source: &'a SourceAttributes,
-    pub scales: Vec<(usize, f32)>,
-}
-
-/// Faces by the places of their corners, and their wedges.
-pub(super) type Faces<'a> = (&'a [[Vec3; 3]], &'a [[u32; 3]]);
-
-/// Share by which attributes may be farther off after a move for nothing: values are fitted to the samples later.
-const SPREAD: f32 = 0.3;
-
-impl Wants<'_> {
-    /// What it costs in attributes that some of the level's faces, which are `old`, become `new`: by their samples.
-    pub fn harm(&self, level: &Level, faces: &[usize], old: Faces, new: Faces) -> f32 {
-        let (here, there) = (&level.surface.wedges, &self.source.wedges);
-        let group = here.group(old.1[0][0]);
-        let [mut before, mut after] = [0.0; 2];
-        for s in faces.iter().flat_map(|&face| level.lists.samples(face)) {
-            let sample = &level.source.samples[s as usize];
-            if there.group(self.source.corners[sample.face as usize][0]) != group {
-                continue;
-            }
-            let wanted = self.source.row_at(level.source, s);
-            for ((triangles, wedges), cost) in [(old, &mut before), (new, &mut after)] {
-                let near = triangles.iter().zip(wedges).map(|(&triangle, &wedges)| {
-                    let (foot, shares, _) = closest_point(triangle, sample.position);
-                    (foot.distance_squared(sample.position), shares, wedges)
-                });
-                let Some((_, shares, wedges)) = near.min_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
-                let now = blend_rows(here, wedges, shares);
-                let off = |&(i, scale): &(usize, f32)| (scale * (wanted[i] - now[i])).powi(2);
-                *cost += sample.weight * self.scales.iter().map(off).sum::<f32>();
-            }
-        }
-        if after > before * (1.0 + SPREAD) { after - before } else { 0.0 }
     }
 }
 
@@ -124,7 +90,7 @@ impl Wishes {
             let group = level.surface.wedges.group(wedges[0]);
             for s in level.lists.samples(face) {
                 let sample = &level.source.samples[s as usize];
-                if attributes.wedges.group(attributes.corners[sample.face as usize][0]) != group {
+                if attributes.group(sample.face) != group {
                     continue;
                 }
                 let (_, shares, _) = closest_point(triangle, sample.position);
@@ -295,7 +261,7 @@ fn wedges_of(surface: &Surface, p: u32) -> SmallVec<[u32; 4]> {
 }
 
 /// The values inside a face of these wedges, with unit normals.
-fn blend_rows(wedges: &Wedges, corners: [u32; 3], weights: [f32; 3]) -> Row {
+pub(super) fn blend_rows(wedges: &Wedges, corners: [u32; 3], weights: [f32; 3]) -> Row {
     let rows = corners.map(|w| wedges.row(w));
     let mut row: Row = (0..wedges.stride())
         .map(|i| rows[0][i] * weights[0] + rows[1][i] * weights[1] + rows[2][i] * weights[2])

@@ -5,6 +5,7 @@ use crate::attributes::turns_over;
 use crate::mesh::edges::edge_kind;
 use crate::mesh::surface::Surface;
 use crate::mesh::surgery::flip_edge;
+use crate::mesh::wedges::Wedges;
 use glam::{Vec2, Vec3};
 
 /// Relative gain below which a flip is noise.
@@ -55,8 +56,9 @@ pub(super) fn try_flip(level: &mut Level, a: u32, b: u32, manner: Manner) -> boo
     if probes.iter().any(|probe| level.comes_to_look_away(&old, &new, probe.foot)) {
         return false;
     }
-    if turns_charts(level.surface, faces, [a, b, c, d])
-        || harms_attributes(level, faces, [a, b, c, d], [&old, &new], most - after.cost)
+    let Some(wedges) = wedges_of_diamond(level.surface, faces, [a, b, c, d]) else { return false };
+    if turns_charts(&level.surface.wedges, wedges)
+        || harm_to_attributes(level, &faces, wedges, [&old, &new]) > most - after.cost
     {
         return false;
     }
@@ -86,36 +88,30 @@ fn turns(old: &[[Vec3; 3]; 2], new: &[[Vec3; 3]; 2]) -> bool {
     })
 }
 
-/// Whether the attributes of the diamond are so much farther off with the other diagonal that it costs more than is gained.
-fn harms_attributes(
-    level: &Level,
-    faces: [usize; 2],
-    [a, b, c, d]: [u32; 4],
-    [old, new]: [&[[Vec3; 3]; 2]; 2],
-    gain: f32,
-) -> bool {
-    let Some(wants) = &level.wants else { return false };
-    let places =
-        [(faces[0], a), (faces[0], b), (faces[0], c), (faces[1], d)].map(|(f, p)| wedge_in(level.surface, f, p));
-    let [Some(a), Some(b), Some(c), Some(d)] = places else { return false };
-    wants.harm(level, &faces, (old, &[[a, b, c], [b, a, d]]), (new, &[[c, d, b], [d, c, a]])) > gain
+/// The wedges of the points in the diamond: of the first two in its first face.
+fn wedges_of_diamond(surface: &Surface, [first, second]: [usize; 2], [a, b, c, d]: [u32; 4]) -> Option<[u32; 4]> {
+    let wedge = |face: usize, p: u32| {
+        let corner = surface.face(face).iter().position(|&q| q == p)?;
+        Some(surface.face_wedges(face)[corner])
+    };
+    Some([wedge(first, a)?, wedge(first, b)?, wedge(first, c)?, wedge(second, d)?])
 }
 
-/// The wedge of a point in a face.
-fn wedge_in(surface: &Surface, face: usize, p: u32) -> Option<u32> {
-    Some(surface.face_wedges(face)[surface.face(face).iter().position(|&q| q == p)?])
+/// What the other diagonal costs in attributes.
+fn harm_to_attributes(
+    level: &Level,
+    faces: &[usize; 2],
+    [a, b, c, d]: [u32; 4],
+    [old, new]: [&[[Vec3; 3]; 2]; 2],
+) -> f32 {
+    let (old_wedges, new_wedges) = ([[a, b, c], [b, a, d]], [[c, d, b], [d, c, a]]);
+    level.wants.as_ref().map_or(0.0, |wants| wants.harm(level, faces, (old, &old_wedges), (new, &new_wedges)))
 }
 
 /// Whether the other diagonal would turn a face over in a texture: there the diamond may have another shape.
-fn turns_charts(surface: &Surface, [first, second]: [usize; 2], [a, b, c, d]: [u32; 4]) -> bool {
-    let wedges = &surface.wedges;
+fn turns_charts(wedges: &Wedges, diamond: [u32; 4]) -> bool {
     wedges.tex_coords().any(|offset| {
-        let place = |face: usize, p: u32| {
-            let wedge = wedge_in(surface, face, p)?;
-            Some(Vec2::from_slice(&wedges.row(wedge)[offset..]))
-        };
-        let places = [place(first, a), place(first, b), place(first, c), place(second, d)];
-        let [Some(a), Some(b), Some(c), Some(d)] = places else { return false };
+        let [a, b, c, d] = diamond.map(|wedge| Vec2::from_slice(&wedges.row(wedge)[offset..]));
         turns_over([c, a], b, d) || turns_over([b, c], a, d)
     })
 }

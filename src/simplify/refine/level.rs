@@ -1,13 +1,13 @@
 //! A level under refinement: which samples each face stands for, and what its errors are worth.
 
 use super::Budget;
-use super::attributes::Wants;
 use super::hold::Hold;
 use super::lists::{Lists, NONE};
 use super::patch::{Appraisal, Patch};
 use super::prices::Prices;
 use super::probe::Spots;
 use super::source::{Foot, Source};
+use super::wants::Wants;
 use crate::mesh::surface::Surface;
 use glam::Vec3;
 use wide::f32x4;

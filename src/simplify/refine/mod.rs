@@ -36,12 +36,13 @@ mod relocate;
 mod remove;
 mod source;
 mod step;
+mod wants;
 
 use super::constraints::Locked;
 use super::options::Effort;
 use crate::attributes::Metric;
 use crate::mesh::surface::Surface;
-use attributes::{SourceAttributes, Wants};
+use attributes::SourceAttributes;
 use follow::Followed;
 use glam::Vec3;
 use hold::Hold;
@@ -52,6 +53,7 @@ use prices::Prices;
 use probe::Spots;
 pub(super) use source::closest_point;
 use source::{Foot, Source};
+use wants::Wants;
 
 /// Refines the levels of one chain, finest first.
 #[derive(Debug)]
