@@ -1,7 +1,7 @@
 //! Closest points on a set of triangles, exactly, through a bounding-volume hierarchy.
 //!
-//! Build: median split of the centroids along their longest axis, at most [`LEAF`] triangles a leaf, so the depth is
-//! at most ⌈log₂ n⌉; O(n log n). Query: near child first with a running bound.
+//! Build: the centroids halved along their longest axis, and both halves once more, down to single triangles: four
+//! children a node, whose boxes are looked at together; O(n log n). Query: near child first with a running bound.
 //!
 //! Exactness: triangles are tested in f64 on the positions as given. Boxes only decide what may be skipped: they are
 //! f32 in a frame of the tree's own (centred, scaled by a power of two into the unit cube) and every rounding there
@@ -9,14 +9,16 @@
 //!
 //! Limits: the distance to a triangle a billion times longer than high is good to about 1e-8 of its length.
 
-use glam::{DVec3, Vec3A};
+use crate::lanes::{Boxes, LANES, Vec3x4, enclose};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use wide::f32x4;
 
-/// Triangles a leaf. A measurement on the 70 k-triangle bunny takes 2.0 M triangle and 9.1 M box tests with 4, 1.3 M
-/// and 10.0 M with 2, 0.8 M and 11.1 M with 1 (and twice the nodes); a triangle test costs several box tests.
-const LEAF: usize = 2;
+/// Traversal keeps at most three postponed children a level, and 2³¹ triangles are 16 levels deep.
+const STACK: usize = 64;
 
-/// Traversal keeps at most one postponed child a level, and 2³² triangles are 31 levels deep.
-const STACK: usize = 40;
+/// Points that one task handles in turn. Fixed, so that nothing depends on the threads.
+const TASK: usize = 512;
 
 /// Covers the rounding of an f32 box distance (a dozen operations of 6e-8 each).
 const BOX_SLACK: f32 = 1.0 + 2e-6;
@@ -47,22 +49,32 @@ pub struct Hit {
     slot: u32,
 }
 
+/// Up to four children.
 #[derive(Debug, Clone, Copy)]
 struct Node {
-    lo: Vec3A,
-    hi: Vec3A,
-    /// Leaf: first slot. Inner node: index of the right child; the left one follows its parent.
-    link: u32,
-    /// Triangles of a leaf; 0 for an inner node.
-    count: u32,
+    boxes: Boxes,
+    links: [Link; LANES],
 }
 
-/// The query point in the tree's frame, as the smallest f32 box around it.
-#[derive(Clone, Copy)]
-struct Probe {
-    lo: Vec3A,
-    hi: Vec3A,
+/// Where a child is: a node, or the slot of a triangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Link(u32);
+
+impl Link {
+    const TRIANGLE: u32 = 1 << 31;
+    const ROOT: Self = Self(0);
+
+    fn to_slot(slot: u32) -> Self {
+        Self(slot | Self::TRIANGLE)
+    }
+
+    fn slot(self) -> Option<u32> {
+        (self.0 & Self::TRIANGLE != 0).then_some(self.0 & !Self::TRIANGLE)
+    }
 }
+
+/// The query point in the tree's frame, or several, as the smallest f32 box around them, once for each lane.
+type Probe = [Vec3x4; 2];
 
 impl Bvh {
     /// Builds the tree. Degenerate triangles count as the segments or points that they are.
@@ -73,13 +85,13 @@ impl Bvh {
         let corner = |v: u32| positions[v as usize];
         let corners = |t: u32| triangles[t as usize].map(corner);
         let (centre, scale) = unit_frame(triangles.iter().flatten().map(|&v| corner(v)));
-        let mut centroids: Vec<(Vec3A, u32)> = (0..triangles.len() as u32)
+        let mut centroids: Vec<Item> = (0..triangles.len() as u32)
             .map(|t| {
                 let sum: DVec3 = corners(t).iter().map(|&p| wide(p)).sum();
-                (((sum / 3.0 - centre) * scale).as_vec3a(), t)
+                (((sum / 3.0 - centre) * scale).as_vec3(), t)
             })
             .collect();
-        let mut nodes = Vec::with_capacity(triangles.len());
+        let mut nodes = Vec::with_capacity(triangles.len() / 2);
         if !centroids.is_empty() {
             let bounds = |t: u32| bound(corners(t).map(|p| (wide(p) - centre) * scale));
             build(&mut nodes, &mut centroids, 0, &bounds);
@@ -94,16 +106,30 @@ impl Bvh {
         self.search(point, limit * limit, -1.0, None)
     }
 
-    /// [`Bvh::closest`] without a limit, faster when `hint` was the answer for a point nearby. The answer is the same.
-    pub fn closest_near(&self, point: DVec3, hint: Option<&Hit>) -> Option<Hit> {
-        self.search(point, f64::INFINITY, -1.0, hint)
+    /// [`Bvh::closest`] of each of `points`, without a limit; none if there are no triangles. Fast where points that follow each other are near each
+    /// other.
+    pub fn closest_to_each(&self, points: &[DVec3]) -> Vec<Hit> {
+        points.par_chunks(TASK).flat_map_iter(|task| self.follow(task)).collect()
     }
 
-    /// The closest point if it is farther than `distance`, else `None`: much cheaper than [`Bvh::closest`] where the
-    /// answer is `None`, as it mostly is in the search for a maximum.
-    pub fn closest_beyond(&self, point: DVec3, distance: f64, hint: Option<&Hit>) -> Option<Hit> {
-        let enough = distance * distance;
-        self.search(point, f64::INFINITY, enough, hint).filter(|hit| hit.distance_squared > enough)
+    fn follow(&self, points: &[DVec3]) -> Vec<Hit> {
+        let mut last = None;
+        let closest = |&point: &DVec3| {
+            last = self.search(point, f64::INFINITY, -1.0, last.as_ref());
+            last
+        };
+        points.iter().filter_map(closest).collect()
+    }
+
+    /// The closest point, or some point at most `distance` away if there is one: much cheaper than [`Bvh::closest`] where there is, as there mostly is
+    /// in the search for a maximum. Faster when `hint` was the answer for a point nearby.
+    pub fn closest_or_within(&self, point: DVec3, distance: f64, hint: Option<&Hit>) -> Option<Hit> {
+        self.search(point, f64::INFINITY, distance * distance, hint)
+    }
+
+    /// The closest point if it is farther than `distance`, else `None`.
+    pub fn closest_beyond(&self, point: DVec3, distance: f64) -> Option<Hit> {
+        self.closest_or_within(point, distance, None).filter(|hit| hit.distance_squared > distance * distance)
     }
 
     /// The triangles in an order in which neighbours are mostly near each other.
@@ -111,24 +137,27 @@ impl Bvh {
         &self.ids
     }
 
+    /// Where a point is relative to the triangles, which lie within [-1, 1]³.
+    pub fn to_unit_frame(&self, point: DVec3) -> Vec3 {
+        ((point - self.centre) * self.scale * 2.0).as_vec3()
+    }
+
     /// Calls `visit` with the closest point of every triangle at most `radius` away, in no useful but a fixed order.
     pub fn visit_within(&self, point: DVec3, radius: f64, mut visit: impl FnMut(Hit)) {
         let radius_squared = radius * radius;
-        let probe = self.probe(point);
+        let probe = self.probe(&[point]);
         let reach = self.box_bound(radius_squared);
-        let mut stack = Vec::new();
-        stack.extend((!self.nodes.is_empty()).then_some(0u32));
-        while let Some(index) = stack.pop() {
-            let node = &self.nodes[index as usize];
-            if probe.distance_squared(node) > reach {
-                continue;
-            }
-            if node.count == 0 {
-                stack.extend([node.link, index + 1]);
-            }
-            for slot in node.link..node.link + node.count {
-                if let Some(hit) = self.hit(slot, point, radius_squared) {
-                    visit(hit);
+        let mut stack = [Link::ROOT; STACK];
+        let mut depth = usize::from(!self.nodes.is_empty());
+        while depth > 0 {
+            depth -= 1;
+            match stack[depth].slot() {
+                Some(slot) => self.hit(slot, point, radius_squared).into_iter().for_each(&mut visit),
+                None => {
+                    for (_, link) in self.nodes[stack[depth].0 as usize].within(probe, reach) {
+                        stack[depth] = link;
+                        depth += 1;
+                    }
                 }
             }
         }
@@ -141,45 +170,40 @@ impl Bvh {
         if self.nodes.is_empty() || bound <= enough {
             return best;
         }
-        let probe = self.probe(point);
+        let probe = self.probe(&[point]);
         let mut reach = self.box_bound(bound);
-        let mut stack = [(0u32, 0f32); STACK];
+        // The nearest of a node's children is on top of the others.
+        let mut stack = [(0f32, Link::ROOT); STACK];
         let mut depth = 1;
         while depth > 0 {
             depth -= 1;
-            let (mut index, distance) = stack[depth];
+            let (distance, link) = stack[depth];
             if distance > reach {
                 continue;
             }
-            while self.nodes[index as usize].count == 0 {
-                let (mut near, mut far) = (index + 1, self.nodes[index as usize].link);
-                let mut near_distance = probe.distance_squared(&self.nodes[near as usize]);
-                let mut far_distance = probe.distance_squared(&self.nodes[far as usize]);
-                if far_distance < near_distance {
-                    std::mem::swap(&mut near, &mut far);
-                    std::mem::swap(&mut near_distance, &mut far_distance);
-                }
-                if far_distance <= reach {
-                    stack[depth] = (far, far_distance);
+            let Some(slot) = link.slot() else {
+                let first = depth;
+                for child in self.nodes[link.0 as usize].within(probe, reach) {
+                    let mut place = depth;
+                    while place > first && stack[place - 1].0 < child.0 {
+                        stack[place] = stack[place - 1];
+                        place -= 1;
+                    }
+                    stack[place] = child;
                     depth += 1;
                 }
-                if near_distance > reach {
-                    break;
+                continue;
+            };
+            if let Some(hit) = self.hit(slot, point, bound)
+                && best.as_ref().is_none_or(|best| hit.precedes(best))
+            {
+                bound = hit.distance_squared;
+                best = Some(hit);
+                if bound <= enough {
+                    return best;
                 }
-                index = near;
+                reach = self.box_bound(bound);
             }
-            let node = &self.nodes[index as usize];
-            for slot in node.link..node.link + node.count {
-                let Some(hit) = self.hit(slot, point, bound) else { continue };
-                if best.as_ref().is_none_or(|best| hit.precedes(best)) {
-                    bound = hit.distance_squared;
-                    best = Some(hit);
-                    if bound <= enough {
-                        return best;
-                    }
-                }
-            }
-            reach = self.box_bound(bound);
         }
         best
     }
@@ -200,15 +224,14 @@ impl Bvh {
 
     /// Clamped to a box that still contains the whole tree: that brings no point closer to the tree than it is to the
     /// clamped point, and nothing overflows.
-    fn probe(&self, point: DVec3) -> Probe {
-        let local = ((point - self.centre) * self.scale).clamp(DVec3::splat(-1e12), DVec3::splat(1e12));
-        let (lo, hi) = bound([local]);
-        Probe { lo, hi }
+    fn probe(&self, points: &[DVec3]) -> Probe {
+        let local = |p: &DVec3| ((p - self.centre) * self.scale).clamp(DVec3::splat(-1e12), DVec3::splat(1e12));
+        bound(points.iter().map(local)).map(|corner| corner.to_array().map(f32x4::splat))
     }
 
-    /// What a box distance in the tree's frame must exceed to prove a squared distance greater than `squared`.
+    /// What a box distance in the tree's frame must exceed to prove a squared distance greater than `squared`. Finite: no box is infinitely far.
     fn box_bound(&self, squared: f64) -> f32 {
-        (squared * self.scale * self.scale) as f32 * BOX_SLACK + f32::MIN_POSITIVE
+        ((squared * self.scale * self.scale) as f32 * BOX_SLACK + f32::MIN_POSITIVE).min(f32::MAX)
     }
 }
 
@@ -224,61 +247,63 @@ impl Hit {
     }
 }
 
-impl Probe {
-    /// Never more than the squared distance between the point and anything in the node's box, but for [`BOX_SLACK`].
-    fn distance_squared(&self, node: &Node) -> f32 {
-        (node.lo - self.hi).max(self.lo - node.hi).max(Vec3A::ZERO).length_squared()
+impl Node {
+    /// The children whose boxes are within reach, with their squared distances: never more than those between the point and anything in the box, but
+    /// for [`BOX_SLACK`].
+    #[inline]
+    fn within(&self, probe: Probe, reach: f32) -> impl Iterator<Item = (f32, Link)> {
+        let distances = self.boxes.distance_squared(probe).to_array();
+        distances.into_iter().zip(self.links).filter(move |(distance, _)| *distance <= reach)
     }
 }
 
-/// Adds the subtree of `items` to `nodes` and sorts `items` into leaf order; `first` is the slot of the first item.
-fn build(
-    nodes: &mut Vec<Node>,
-    items: &mut [(Vec3A, u32)],
-    first: u32,
-    bounds: &impl Fn(u32) -> (Vec3A, Vec3A),
-) -> (Vec3A, Vec3A) {
+/// The centroid of a triangle, and which one it is.
+type Item = (Vec3, u32);
+
+/// Adds the subtree of `items` to `nodes` and sorts `items` into leaf order; `first` is the slot of the first item. Gives the box around it.
+fn build(nodes: &mut Vec<Node>, items: &mut [Item], first: u32, bounds: &impl Fn(u32) -> [Vec3; 2]) -> [Vec3; 2] {
     let index = nodes.len();
-    nodes.push(Node { lo: Vec3A::ZERO, hi: Vec3A::ZERO, link: first, count: items.len() as u32 });
-    let (lo, hi) = if items.len() <= LEAF {
-        items.iter().map(|&(_, t)| bounds(t)).reduce(unite).unwrap_or_default()
-    } else {
-        let middle = items.len() / 2;
-        split(items, middle);
-        let (left, right) = items.split_at_mut(middle);
-        let left = build(nodes, left, first, bounds);
-        nodes[index].link = nodes.len() as u32;
-        nodes[index].count = 0;
-        unite(left, build(nodes, right, first + middle as u32, bounds))
-    };
-    nodes[index].lo = lo;
-    nodes[index].hi = hi;
-    (lo, hi)
+    nodes.push(Node { boxes: Boxes::new(&[]), links: [Link::ROOT; LANES] });
+    let (mut boxes, mut links, mut slot) = (Vec::with_capacity(LANES), [Link::ROOT; LANES], first);
+    let (low, high) = halve(items);
+    for quarter in [low, high].into_iter().map(halve).flat_map(|(low, high)| [low, high]) {
+        let link = match quarter {
+            [] => continue,
+            [(_, triangle)] => {
+                boxes.push(bounds(*triangle));
+                Link::to_slot(slot)
+            }
+            _ => {
+                let link = Link(nodes.len() as u32);
+                boxes.push(build(nodes, quarter, slot, bounds));
+                link
+            }
+        };
+        links[boxes.len() - 1] = link;
+        slot += quarter.len() as u32;
+    }
+    nodes[index] = Node { boxes: Boxes::new(&boxes), links };
+    enclose(boxes.as_flattened())
 }
 
-/// Puts the lower half along the longest axis of the centroids before `middle`.
-fn split(items: &mut [(Vec3A, u32)], middle: usize) {
-    let (lo, hi) = items.iter().map(|&(c, _)| (c, c)).reduce(unite).unwrap_or_default();
-    let extent = hi - lo;
-    let axis = if extent.x >= extent.y.max(extent.z) {
-        0
-    } else if extent.y >= extent.z {
-        1
-    } else {
-        2
-    };
-    items.select_nth_unstable_by(middle, |(a, i), (b, j)| a[axis].total_cmp(&b[axis]).then(i.cmp(j)));
-}
-
-fn unite(a: (Vec3A, Vec3A), b: (Vec3A, Vec3A)) -> (Vec3A, Vec3A) {
-    (a.0.min(b.0), a.1.max(b.1))
+/// Two halves, the lower one along the longest axis of the centroids first; of two, which is which does not matter.
+fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
+    let middle = items.len() / 2;
+    if items.len() > 2 {
+        let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let [lo, hi] = items.iter().fold(start, |[lo, hi], (centroid, _)| [lo.min(*centroid), hi.max(*centroid)]);
+        let axis = (hi - lo).max_position();
+        items.select_nth_unstable_by(middle, |(a, i), (b, j)| a[axis].total_cmp(&b[axis]).then(i.cmp(j)));
+    }
+    items.split_at_mut(middle)
 }
 
 /// The smallest f32 box that surely holds the points.
-fn bound<const N: usize>(points: [DVec3; N]) -> (Vec3A, Vec3A) {
-    let lo = points.iter().copied().fold(DVec3::INFINITY, DVec3::min).as_vec3a();
-    let hi = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max).as_vec3a();
-    (Vec3A::from(lo.to_array().map(f32::next_down)), Vec3A::from(hi.to_array().map(f32::next_up)))
+fn bound(points: impl IntoIterator<Item = DVec3>) -> [Vec3; 2] {
+    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = points.into_iter().fold(start, |(low, high), p| (low.min(p), high.max(p)));
+    let out = |corner: DVec3, next: fn(f32) -> f32| Vec3::from(corner.as_vec3().to_array().map(next));
+    [out(low, f32::next_down), out(high, f32::next_up)]
 }
 
 /// Centre and scale (a power of two: exact) that bring `positions` into the unit cube.
@@ -385,8 +410,8 @@ mod tests {
         let point = DVec3::new(0.5, 0.25, 2.0);
         assert!(bvh.closest(point, 2.0).is_some());
         assert!(bvh.closest(point, 1.99).is_none());
-        assert!(bvh.closest_beyond(point, 1.99, None).is_some());
-        assert!(bvh.closest_beyond(point, 2.0, None).is_none());
+        assert!(bvh.closest_beyond(point, 1.99).is_some());
+        assert!(bvh.closest_beyond(point, 2.0).is_none());
     }
 
     #[test]
@@ -395,7 +420,7 @@ mod tests {
         let hit = bvh.closest(DVec3::new(0.9, 0.1, 1.0), f64::INFINITY).unwrap();
         assert_eq!(hit.triangle, 0);
         let last = Hit { slot: bvh.ids.iter().position(|&t| t == 39).unwrap() as u32, ..hit };
-        assert_eq!(bvh.closest_near(DVec3::new(0.9, 0.1, 1.0), Some(&last)).unwrap().triangle, 0);
+        assert_eq!(bvh.search(DVec3::new(0.9, 0.1, 1.0), f64::INFINITY, -1.0, Some(&last)).unwrap().triangle, 0);
     }
 
     #[test]
@@ -445,17 +470,17 @@ mod tests {
             let positions: Vec<_> =
                 positions.iter().map(|p| [0, 1, 2].map(|i| (p[i] + shift[i]) * scale)).collect();
             let bvh = Bvh::new(&positions, &triangles);
+            let points: Vec<DVec3> =
+                points.into_iter().map(|p| (DVec3::from(p) + wide(shift)) * f64::from(scale)).collect();
+            let hits: Vec<Hit> = points.iter().map(|&p| bvh.closest(p, f64::INFINITY).unwrap()).collect();
+            prop_assert_eq!(&bvh.closest_to_each(&points), &hits);
             let mut hint = None;
-            for point in points {
-                let point = (DVec3::from(point) + wide(shift)) * f64::from(scale);
-                let hit = bvh.closest(point, f64::INFINITY).unwrap();
+            for (point, hit) in points.into_iter().zip(hits) {
                 let (distance, triangle) = brute_force(&positions, &triangles, point).unwrap();
                 prop_assert_eq!((hit.distance_squared, hit.triangle), (distance, triangle));
-                prop_assert_eq!(Some(hit), bvh.closest_near(point, hint.as_ref()));
-                let near_enough = bvh.closest_beyond(point, hit.distance() * 1.001, hint.as_ref());
-                prop_assert!(near_enough.is_none());
-                let beyond = bvh.closest_beyond(point, hit.distance() * 0.999, hint.as_ref());
-                prop_assert_eq!((hit.distance_squared > 0.0).then_some(hit), beyond);
+                let near_enough = bvh.closest_or_within(point, hit.distance() * 1.001, hint.as_ref()).unwrap();
+                prop_assert!(near_enough.distance() <= hit.distance() * 1.001);
+                prop_assert_eq!(Some(hit), bvh.closest_or_within(point, hit.distance() * 0.999, hint.as_ref()));
 
                 let mut within = Vec::new();
                 bvh.visit_within(point, hit.distance() * 1.5, |h| within.push(h.triangle));

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 const ALLOWED: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("mesh", &["tasks"]),
-    ("bvh", &[]),
+    ("bvh", &["lanes"]),
     ("lanes", &[]),
     ("tasks", &[]),
     ("curvature", &["lanes", "mesh", "tasks"]),

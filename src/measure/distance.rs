@@ -7,8 +7,8 @@ use crate::bvh::{Bvh, Hit};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Points that one task handles in turn, each a hint for the next. Fixed, so that nothing depends on the threads.
-pub const CHUNK: usize = 512;
+/// Points that one task handles in turn. Fixed, so that nothing depends on the threads.
+const CHUNK: usize = 512;
 
 /// Faces that get a lattice: those of the farthest samples and centroids.
 const WORST_FACES: usize = 64;
@@ -57,35 +57,39 @@ pub fn mean_square(samples: &[Sample], to: &Bvh) -> f64 {
 }
 
 fn find_closest(samples: &[Sample], to: &Bvh) -> Vec<Hit> {
-    let follow = |chunk: &[Sample]| {
-        let mut last = None;
-        let mut hits = Vec::with_capacity(chunk.len());
-        for sample in chunk {
-            last = to.closest_near(sample.point, last.as_ref());
-            hits.extend(last);
-        }
-        hits
-    };
-    samples.par_chunks(CHUNK).flat_map_iter(follow).collect()
+    let points: Vec<DVec3> = samples.iter().map(|sample| sample.point).collect();
+    to.closest_to_each(&points)
 }
 
 /// The largest of `max` and the distances of `points`.
 pub fn raise_by_points(max: f64, points: &[DVec3], to: &Bvh) -> f64 {
     let raise = |chunk: &[DVec3]| {
-        chunk.iter().fold(max, |max, &point| to.closest_beyond(point, max, None).map_or(max, |hit| hit.distance()))
+        chunk.iter().fold(max, |max, &point| to.closest_beyond(point, max).map_or(max, |hit| hit.distance()))
     };
     points.par_chunks(CHUNK).map(raise).reduce(|| max, f64::max)
 }
 
 fn raise_by_worst_faces(max: f64, from: &Surface, hits: &[Hit], to: &Bvh) -> f64 {
-    let raise = |(face, near): &(u32, Hit)| {
-        let triangle = from.triangles[*face as usize];
-        lattice().fold(max, |max, barycentric| {
-            let hit = to.closest_beyond(blend(triangle, barycentric), max, Some(near));
-            hit.map_or(max, |hit| hit.distance())
-        })
-    };
+    let raise = |&(face, near): &(u32, Hit)| raise_by_lattice(max, from.triangles[face as usize], near, to);
     find_worst_faces(max, from, hits, to).par_iter().map(raise).reduce(|| max, f64::max)
+}
+
+/// The largest of `max` and the distances of a lattice on a triangle; `near` is the closest point to one of its points.
+fn raise_by_lattice(mut max: f64, triangle: [DVec3; 3], mut near: Hit, to: &Bvh) -> f64 {
+    let step = (triangle[2] - triangle[1]).length() / f64::from(LATTICE);
+    for i in 0..=LATTICE {
+        let mut j = 0;
+        while j <= LATTICE - i {
+            let barycentric = [i, j, LATTICE - i - j].map(|k| f64::from(k) / f64::from(LATTICE));
+            let Some(hit) = to.closest_or_within(blend(triangle, barycentric), max, Some(&near)) else { break };
+            max = max.max(hit.distance());
+            // The distance grows no faster than the way along the row.
+            let slack = (max - hit.distance()) / step;
+            j = j.saturating_add(1).saturating_add(slack as u32);
+            near = hit;
+        }
+    }
+    max
 }
 
 /// Each with the closest point of its farthest sample or centroid.
@@ -93,7 +97,7 @@ fn find_worst_faces(max: f64, from: &Surface, hits: &[Hit], to: &Bvh) -> Vec<(u3
     let of_samples = from.samples.iter().zip(hits).map(|(sample, &hit)| (sample.triangle, hit));
     let of_centroid = |&face: &u32| {
         let centroid = blend(from.triangles[face as usize], [1.0 / 3.0; 3]);
-        Some((face, to.closest_beyond(centroid, max * NEARLY, None)?))
+        Some((face, to.closest_beyond(centroid, max * NEARLY)?))
     };
     let mut worst = keep_farthest(of_samples.collect());
     worst.extend(keep_farthest(from.bvh.spatial_order().par_iter().filter_map(of_centroid).collect()));
@@ -119,10 +123,4 @@ fn keep_farthest(mut candidates: Vec<(u32, Hit)>) -> Vec<(u32, Hit)> {
 fn farther((a, x): &(u32, Hit), (b, y): &(u32, Hit)) -> std::cmp::Ordering {
     let by_place = || x.point.to_array().partial_cmp(&y.point.to_array()).unwrap_or(std::cmp::Ordering::Equal);
     y.distance_squared.total_cmp(&x.distance_squared).then(a.cmp(b)).then_with(by_place)
-}
-
-fn lattice() -> impl Iterator<Item = [f64; 3]> {
-    (0..=LATTICE).flat_map(|i| {
-        (0..=LATTICE - i).map(move |j| [i, j, LATTICE - i - j].map(|k| f64::from(k) / f64::from(LATTICE)))
-    })
 }

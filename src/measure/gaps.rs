@@ -46,7 +46,7 @@ pub fn count_gaps(
     let tolerance = SLACK * hausdorff.min(moved) + ROUNDING * diagonal;
     let point = |v: u32| DVec3::from(level.positions[v as usize].map(f64::from));
     let strays = |&[a, b]: &[u32; 2]| {
-        POINTS.iter().any(|&t| border_tree.closest_beyond(point(a).lerp(point(b), t), tolerance, None).is_some())
+        POINTS.iter().any(|&t| border_tree.closest_beyond(point(a).lerp(point(b), t), tolerance).is_some())
     };
     topology.open_edges.iter().filter(|edge| strays(edge)).count()
 }

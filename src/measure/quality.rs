@@ -2,7 +2,6 @@
 
 use super::Measurement;
 use super::appearance::choose_side;
-use super::distance::CHUNK;
 use super::surface::Surface;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -37,20 +36,16 @@ fn smallest_angle(&[a, b, c]: &[DVec3; 3]) -> f64 {
 
 /// Faces whose centroid's nearest source face looks the other way.
 fn count_flipped(source: &Surface, level: &Surface, diagonal: f64) -> usize {
-    let count = |chunk: &[u32]| {
-        let mut last = None;
-        let mut is_flipped = |&face: &u32| {
-            let centroid = level.triangles[face as usize].iter().sum::<DVec3>() / 3.0;
-            let normal = level.normals[face as usize];
-            last = source.bvh.closest_near(centroid, last.as_ref());
-            last.is_some_and(|hit| {
-                let hit = choose_side(hit, centroid, normal, &source.bvh, &source.normals, diagonal);
-                source.normals[hit.triangle as usize].dot(normal) < 0.0
-            })
-        };
-        chunk.iter().filter(|face| is_flipped(face)).count()
+    let faces = level.bvh.spatial_order();
+    let centroid = |&face: &u32| level.triangles[face as usize].iter().sum::<DVec3>() / 3.0;
+    let centroids: Vec<DVec3> = faces.iter().map(centroid).collect();
+    let hits = source.bvh.closest_to_each(&centroids);
+    let is_flipped = |i: &usize| {
+        let normal = level.normals[faces[*i] as usize];
+        let hit = choose_side(hits[*i], centroids[*i], normal, &source.bvh, &source.normals, diagonal);
+        source.normals[hit.triangle as usize].dot(normal) < 0.0
     };
-    level.bvh.spatial_order().par_chunks(CHUNK).map(count).sum()
+    (0..hits.len()).into_par_iter().filter(is_flipped).count()
 }
 
 #[cfg(test)]

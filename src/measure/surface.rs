@@ -4,6 +4,7 @@ use super::sample::{Sample, sample_surface};
 use super::{Sampling, topology::Topology};
 use crate::bvh::Bvh;
 use crate::mesh::Mesh;
+use crate::mesh::order::order_in_space;
 use glam::DVec3;
 
 /// Fewest and most points on each open edge.
@@ -17,6 +18,7 @@ pub struct Surface {
     pub areas: Vec<f64>,
     pub topology: Topology,
     pub bvh: Bvh,
+    /// Mostly near the one before.
     pub samples: Vec<Sample>,
     /// One point for each position that a triangle uses.
     pub vertices: Vec<DVec3>,
@@ -30,6 +32,7 @@ impl Surface {
         let (normals, areas): (Vec<_>, Vec<_>) = triangles.iter().map(orient).unzip();
         let bvh = Bvh::new(&mesh.positions, &mesh.triangles);
         let samples = sample_surface(&triangles, &areas, bvh.spatial_order(), sampling.samples, sampling.seed);
+        let order = order_in_space(samples.iter().map(|sample| bvh.to_unit_frame(sample.point)));
         let topology = Topology::new(mesh);
         let open_edges = topology.open_edges.iter().map(|edge| edge.map(point));
         Self {
@@ -40,7 +43,7 @@ impl Surface {
             normals,
             areas,
             topology,
-            samples,
+            samples: order.into_iter().map(|i| samples[i as usize]).collect(),
         }
     }
 }

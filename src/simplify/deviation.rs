@@ -3,10 +3,9 @@
 //! Vertices, edge midpoints and centroids of the level against the source, source vertices and centroids against the level. The ruler in
 //! `measure` says what is reported.
 
-use crate::bvh::Bvh;
+use crate::bvh::{Bvh, Hit};
 use crate::mesh::Mesh;
 use glam::DVec3;
-use rayon::prelude::*;
 
 /// Source points asked at most.
 const SOURCE_SAMPLES: usize = 20_000;
@@ -51,7 +50,7 @@ impl Deviation {
 }
 
 fn distances(tree: &Bvh, points: &[DVec3]) -> Vec<f64> {
-    points.par_iter().map(|&p| tree.closest(p, f64::INFINITY).map_or(0.0, |hit| hit.distance())).collect()
+    tree.closest_to_each(points).iter().map(Hit::distance).collect()
 }
 
 fn used_vertices(mesh: &Mesh) -> Vec<DVec3> {

@@ -2,7 +2,7 @@
 
 use super::plane::Planes;
 use super::source::Foot;
-use crate::lanes::{LANES, Vec3x4, dot, gather, minus};
+use crate::lanes::{Boxes, LANES, Vec3x4, enclose};
 use crate::mesh::order::order_in_space;
 use glam::Vec3;
 use smallvec::SmallVec;
@@ -15,13 +15,6 @@ pub(super) struct NearestFace {
     /// The triangles along the curve, and which faces they are.
     triangles: Planes,
     order: Vec<u32>,
-}
-
-/// Four boxes side by side; those that are none hold nothing.
-#[derive(Debug, Clone, Copy)]
-struct Boxes {
-    low: Vec3x4,
-    high: Vec3x4,
 }
 
 /// What is still to be looked at: four triangles below box number `index` of level 0, or four boxes below one of the others.
@@ -59,7 +52,7 @@ impl NearestFace {
                 self.look_at(index, at, &mut best);
                 continue;
             }
-            let squared = self.levels[level - 1][index].distance(at);
+            let squared = self.levels[level - 1][index].distance_squared([at; 2]).to_array();
             let nearest = lowest(squared);
             for lane in (0..LANES).filter(|&lane| lane != nearest).chain([nearest]) {
                 if squared[lane] < best.distance_squared {
@@ -81,27 +74,8 @@ impl NearestFace {
     }
 }
 
-impl Boxes {
-    fn new(boxes: &[[Vec3; 2]]) -> Self {
-        let corner =
-            |k: usize, none: Vec3| gather(std::array::from_fn(|lane| boxes.get(lane).map_or(none, |bounds| bounds[k])));
-        Self { low: corner(0, Vec3::INFINITY), high: corner(1, Vec3::NEG_INFINITY) }
-    }
-
-    /// Squared distances to the boxes.
-    fn distance(&self, at: Vec3x4) -> [f32; LANES] {
-        let (below, above) = (minus(self.low, at), minus(at, self.high));
-        let outside: Vec3x4 = std::array::from_fn(|k| below[k].fast_max(above[k]).fast_max(f32x4::ZERO));
-        dot(outside, outside).to_array()
-    }
-}
-
 fn lowest(numbers: [f32; LANES]) -> usize {
     (1..LANES).fold(0, |best, lane| if numbers[lane] < numbers[best] { lane } else { best })
-}
-
-fn enclose(points: &[Vec3]) -> [Vec3; 2] {
-    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
 }
 
 #[cfg(test)]
