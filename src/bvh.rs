@@ -132,6 +132,19 @@ impl Bvh {
         self.closest_or_within(point, distance, None).filter(|hit| hit.distance_squared > distance * distance)
     }
 
+    /// The largest of `known` and the distances of `points`: much cheaper than all of these, as most are no larger than what is known.
+    pub fn largest_distance(&self, points: &[DVec3], known: f64) -> f64 {
+        let raise = |task: &[DVec3]| {
+            let (mut largest, mut last) = (known, None);
+            for &point in task {
+                last = self.closest_or_within(point, largest, last.as_ref());
+                largest = last.as_ref().map_or(largest, |hit| hit.distance().max(largest));
+            }
+            largest
+        };
+        points.par_chunks(TASK).map(raise).reduce(|| known, f64::max)
+    }
+
     /// The triangles in an order in which neighbours are mostly near each other.
     pub fn spatial_order(&self) -> &[u32] {
         &self.ids

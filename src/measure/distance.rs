@@ -7,9 +7,6 @@ use crate::bvh::{Bvh, Hit};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Points that one task handles in turn. Fixed, so that nothing depends on the threads.
-const CHUNK: usize = 512;
-
 /// Faces that get a lattice: those of the farthest samples and centroids.
 const WORST_FACES: usize = 64;
 
@@ -36,8 +33,8 @@ pub fn measure_distance(from: &Surface, to: &Bvh, diagonal: f64) -> (Distance, V
     let rms = (hits.iter().map(|hit| hit.distance_squared).sum::<f64>() / count).sqrt();
     let of_samples = hits.iter().map(Hit::distance).fold(0.0, f64::max);
     let floor = of_samples.max(diagonal * RESOLUTION);
-    let max = raise_by_points(floor, &from.vertices, to);
-    let max = raise_by_points(max, &from.border, to);
+    let max = to.largest_distance(&from.vertices, floor);
+    let max = to.largest_distance(&from.border, max);
     let max = raise_by_worst_faces(max, from, &hits, to);
     (Distance { max: if max > floor { max } else { of_samples }, rms, mean }, hits)
 }
@@ -47,7 +44,7 @@ pub fn measure_roughly(from: &Surface, to: &Bvh) -> (f64, f64) {
     let hits = find_closest(&from.samples, to);
     let square = hits.iter().map(|hit| hit.distance_squared).sum::<f64>() / hits.len().max(1) as f64;
     let of_samples = hits.iter().map(Hit::distance).fold(0.0, f64::max);
-    (square, raise_by_points(of_samples, &from.vertices, to))
+    (square, to.largest_distance(&from.vertices, of_samples))
 }
 
 /// Mean squared distance of samples to a surface.
@@ -59,14 +56,6 @@ pub fn mean_square(samples: &[Sample], to: &Bvh) -> f64 {
 fn find_closest(samples: &[Sample], to: &Bvh) -> Vec<Hit> {
     let points: Vec<DVec3> = samples.iter().map(|sample| sample.point).collect();
     to.closest_to_each(&points)
-}
-
-/// The largest of `max` and the distances of `points`.
-pub fn raise_by_points(max: f64, points: &[DVec3], to: &Bvh) -> f64 {
-    let raise = |chunk: &[DVec3]| {
-        chunk.iter().fold(max, |max, &point| to.closest_beyond(point, max).map_or(max, |hit| hit.distance()))
-    };
-    points.par_chunks(CHUNK).map(raise).reduce(|| max, f64::max)
 }
 
 fn raise_by_worst_faces(max: f64, from: &Surface, hits: &[Hit], to: &Bvh) -> f64 {

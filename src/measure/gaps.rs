@@ -8,7 +8,6 @@
 //!
 //! Limits: a crack nearer to the border than that is not seen.
 
-use super::distance::raise_by_points;
 use super::topology::Topology;
 use crate::bvh::Bvh;
 use crate::mesh::Mesh;
@@ -42,7 +41,7 @@ pub fn count_gaps(
 ) -> usize {
     let Some(level_tree) = grow_border_tree(level, topology) else { return 0 };
     let Some(border_tree) = border_tree else { return topology.open_edges.len() };
-    let moved = raise_by_points(0.0, border, &level_tree);
+    let moved = level_tree.largest_distance(border, 0.0);
     let tolerance = SLACK * hausdorff.min(moved) + ROUNDING * diagonal;
     let point = |v: u32| DVec3::from(level.positions[v as usize].map(f64::from));
     let strays = |&[a, b]: &[u32; 2]| {

@@ -40,8 +40,8 @@ impl Order {
             (true, _) => (1.0, 1.3, KEPT, reducer.cost.metric().is_empty()),
             (_, Effort::Fast) if reducer.cost.metric().is_empty() => (1.0, 1.7, KEPT, false),
             (_, Effort::Fast) => (1.0, 1.25, KEPT, true),
-            // The collapses that follow make up for what these do.
-            (_, Effort::Default) if is_start => (0.8, 1.3, KEPT, false),
+            // The collapses that follow make up for what these do, but not for attributes.
+            (_, Effort::Default) if is_start && reducer.cost.metric().is_empty() => (0.8, 1.3, KEPT, false),
             (_, Effort::Default) => (0.6, 1.1, 1.0, false),
             (_, Effort::Best) => (0.4, 1.02, 1.0, false),
         };

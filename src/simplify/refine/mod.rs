@@ -51,8 +51,8 @@ use lists::{Lists, NONE, NearestSample};
 use patch::Patch;
 use prices::Prices;
 use probe::Spots;
-pub(super) use source::closest_point;
 use source::{Foot, Source};
+pub(super) use source::{closest_point, spread};
 use wants::Wants;
 
 /// Refines the levels of one chain, finest first.

@@ -237,7 +237,7 @@ fn take_samples(points: &[Vec3], faces: &[[u32; 3]], inside: f32) -> (Vec<Sample
 }
 
 /// Weights of a triangle's second and third corner at the k-th of its places: evenly spread, the centroid first (Roberts' R₂ sequence, folded).
-fn spread(k: u32) -> [f32; 2] {
+pub fn spread(k: u32) -> [f32; 2] {
     let at = |step: f64| (1.0 / 3.0 + f64::from(k) * step).fract() as f32;
     let [u, v] = [at(0.754_877_666_246_692_8), at(0.569_840_290_998_053_3)];
     if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] }

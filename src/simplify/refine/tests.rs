@@ -1,4 +1,3 @@
-use super::super::deviation::Deviation;
 use super::super::options::{EdgePolicy, Options};
 use super::super::passes::{Workspace, run};
 use super::super::reducer::Reducer;
@@ -103,13 +102,13 @@ fn count_turned(surface: &Surface) -> usize {
 #[test]
 fn levels_come_nearer_and_best_at_least_as_near() {
     let mesh = bumpy_sphere(24, 0.08);
-    let deviation = Deviation::new(&mesh);
+    let ruler = Ruler::new(&mesh, Sampling { samples: 20_000, seed: 1 });
     let distances = [Effort::Default, Effort::Best].map(|effort| {
         let (reducer, mut refiner) = collapse(&mesh, &Options { effort, ..Options::default() }, 700);
         let mut surface = reducer.surface.clone();
         assert!(refiner.refine(&mut surface, reducer.locked(), reducer.cost.metric()));
-        let (was, is) = (deviation.of(&reducer.surface.to_mesh()), deviation.of(&surface.to_mesh()));
-        [is.rms / was.rms, is.max / was.max]
+        let (was, is) = (ruler.measure(&reducer.surface.to_mesh()), ruler.measure(&surface.to_mesh()));
+        [is.rms() / was.rms(), is.hausdorff() / was.hausdorff()]
     });
     let [default, best] = distances;
     assert!(default[0] < 0.99 && default[1] < 0.95, "{default:?}");
