@@ -12,6 +12,9 @@ const MORE_PLACES: f64 = 500.0;
 /// Points of the source of either kind that are asked, at most.
 const MOST_OF_SOURCE: usize = 10_000;
 
+/// What is nearer by less than this factor, of a cube of lengths, may be so by the choice of places.
+const CLEARLY: f64 = 0.95;
+
 /// The source, ready for asking.
 pub(crate) struct Deviation {
     tree: Bvh,
@@ -52,10 +55,10 @@ impl Deviation {
 }
 
 impl Distance {
-    /// Whether this is the smaller of two distances, the largest one and the mean taken together.
+    /// Whether this is clearly the smaller of two distances, the largest one and the mean taken together.
     pub fn is_nearer_than(&self, other: &Self) -> bool {
         let both = |distance: &Self| distance.rms.powi(2) * distance.max;
-        both(self) < both(other)
+        both(self) < CLEARLY * both(other)
     }
 }
 
