@@ -73,7 +73,7 @@ impl Link {
     }
 }
 
-/// The query point in the tree's frame, or several, as the smallest f32 box around them, once for each lane.
+/// The query point in the tree's frame, as the smallest f32 box around it, once for each lane.
 type Probe = [Vec3x4; 2];
 
 impl Bvh {
@@ -158,7 +158,7 @@ impl Bvh {
     /// Calls `visit` with the closest point of every triangle at most `radius` away, in no useful but a fixed order.
     pub fn visit_within(&self, point: DVec3, radius: f64, mut visit: impl FnMut(Hit)) {
         let radius_squared = radius * radius;
-        let probe = self.probe(&[point]);
+        let probe = self.probe(point);
         let reach = self.box_bound(radius_squared);
         let mut stack = [Link::ROOT; STACK];
         let mut depth = usize::from(!self.nodes.is_empty());
@@ -183,7 +183,7 @@ impl Bvh {
         if self.nodes.is_empty() || bound <= enough {
             return best;
         }
-        let probe = self.probe(&[point]);
+        let probe = self.probe(point);
         let mut reach = self.box_bound(bound);
         // The nearest of a node's children is on top of the others.
         let mut stack = [(0f32, Link::ROOT); STACK];
@@ -237,9 +237,9 @@ impl Bvh {
 
     /// Clamped to a box that still contains the whole tree: that brings no point closer to the tree than it is to the
     /// clamped point, and nothing overflows.
-    fn probe(&self, points: &[DVec3]) -> Probe {
-        let local = |p: &DVec3| ((p - self.centre) * self.scale).clamp(DVec3::splat(-1e12), DVec3::splat(1e12));
-        bound(points.iter().map(local)).map(|corner| corner.to_array().map(f32x4::splat))
+    fn probe(&self, point: DVec3) -> Probe {
+        let local = ((point - self.centre) * self.scale).clamp(DVec3::splat(-1e12), DVec3::splat(1e12));
+        bound([local]).map(|corner| corner.to_array().map(f32x4::splat))
     }
 
     /// What a box distance in the tree's frame must exceed to prove a squared distance greater than `squared`. Finite: no box is infinitely far.
@@ -312,9 +312,9 @@ fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
 }
 
 /// The smallest f32 box that surely holds the points.
-fn bound(points: impl IntoIterator<Item = DVec3>) -> [Vec3; 2] {
-    let start = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) = points.into_iter().fold(start, |(low, high), p| (low.min(p), high.max(p)));
+fn bound<const N: usize>(points: [DVec3; N]) -> [Vec3; 2] {
+    let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let out = |corner: DVec3, next: fn(f32) -> f32| Vec3::from(corner.as_vec3().to_array().map(next));
     [out(low, f32::next_down), out(high, f32::next_up)]
 }
