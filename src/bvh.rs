@@ -152,7 +152,7 @@ impl Bvh {
 
     /// Where a point is relative to the triangles, which lie within [-1, 1]³.
     pub fn to_unit_frame(&self, point: DVec3) -> Vec3 {
-        ((point - self.centre) * self.scale * 2.0).as_vec3()
+        (self.local(point) * 2.0).as_vec3()
     }
 
     /// Calls `visit` with the closest point of every triangle at most `radius` away, in no useful but a fixed order.
@@ -235,10 +235,15 @@ impl Bvh {
         })
     }
 
+    /// In the tree's frame.
+    fn local(&self, point: DVec3) -> DVec3 {
+        (point - self.centre) * self.scale
+    }
+
     /// Clamped to a box that still contains the whole tree: that brings no point closer to the tree than it is to the
     /// clamped point, and nothing overflows.
     fn probe(&self, point: DVec3) -> Probe {
-        let local = ((point - self.centre) * self.scale).clamp(DVec3::splat(-1e12), DVec3::splat(1e12));
+        let local = self.local(point).clamp(DVec3::splat(-1e12), DVec3::splat(1e12));
         bound([local]).map(|corner| corner.to_array().map(f32x4::splat))
     }
 
@@ -296,15 +301,14 @@ fn build(nodes: &mut Vec<Node>, items: &mut [Item], first: u32, bounds: &impl Fn
         slot += quarter.len() as u32;
     }
     nodes[index] = Node { boxes: Boxes::new(&boxes), links };
-    enclose(boxes.as_flattened())
+    enclose(boxes.into_iter().flatten())
 }
 
 /// Two halves, the lower one along the longest axis of the centroids first; of two, which is which does not matter.
 fn halve(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     let middle = items.len() / 2;
     if items.len() > 2 {
-        let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        let [lo, hi] = items.iter().fold(start, |[lo, hi], (centroid, _)| [lo.min(*centroid), hi.max(*centroid)]);
+        let [lo, hi] = enclose(items.iter().map(|(centroid, _)| *centroid));
         let axis = (hi - lo).max_position();
         items.select_nth_unstable_by(middle, |(a, i), (b, j)| a[axis].total_cmp(&b[axis]).then(i.cmp(j)));
     }

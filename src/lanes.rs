@@ -55,6 +55,6 @@ impl Boxes {
 }
 
 /// The smallest box around points.
-pub(crate) fn enclose(points: &[Vec3]) -> [Vec3; 2] {
-    points.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)])
+pub(crate) fn enclose(points: impl IntoIterator<Item = Vec3>) -> [Vec3; 2] {
+    points.into_iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }

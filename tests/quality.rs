@@ -83,7 +83,7 @@ fn closed_surfaces_stay_closed_at_every_level() {
             let place = format!("{} level {number}", relative.display());
             assert_eq!(open_edges(&after), 0, "{place} has gaps");
             assert!(
-                volume(&after) / volume(&before) > 0.75,
+                volume(&after) / volume(&before) > 0.8,
                 "{place} lost its volume: {}",
                 volume(&after) / volume(&before)
             );
@@ -117,11 +117,8 @@ fn each_effort_is_at_least_as_near_as_those_below() {
                 count += 1;
             }
         }
-        assert!(
-            count > 100 && (sum / f64::from(count)).exp() < 0.9,
-            "{count} levels: {}",
-            (sum / f64::from(count)).exp()
-        );
+        let mean = (sum / f64::from(count)).exp();
+        assert!(count > 100 && mean < 0.9, "{count} levels: {mean}");
     }
 }
 
@@ -230,6 +227,7 @@ fn locked_borders_do_not_move() {
 /// Settings with four steep levels instead of those that fixtures ask for.
 const STEEP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/support/steep.toml");
 
+/// All fixtures with these levels.
 fn steep_levels() -> &'static Build {
     static BUILD: LazyLock<Build> = LazyLock::new(|| build_shared("quality-steep", &fixtures(), &["--config", STEEP]));
     expect_success(&BUILD)

@@ -8,12 +8,9 @@ use crate::mesh::Mesh;
 use glam::DVec3;
 
 /// Places on a surface beyond one a face: fewer say little about large faces.
-const MORE_PLACES: f64 = 500.0;
+const MORE_PLACES: f64 = 1000.0;
 /// Points of the source of either kind that are asked, at most.
 const MOST_OF_SOURCE: usize = 10_000;
-
-/// What is nearer by less than this factor, of a cube of lengths, may be so by the choice of places.
-const CLEARLY: f64 = 0.95;
 
 /// The source, ready for asking.
 pub(crate) struct Deviation {
@@ -55,10 +52,10 @@ impl Deviation {
 }
 
 impl Distance {
-    /// Whether this is clearly the smaller of two distances, the largest one and the mean taken together.
+    /// Whether this is the smaller of two distances, the largest one and the mean taken together.
     pub fn is_nearer_than(&self, other: &Self) -> bool {
         let both = |distance: &Self| distance.rms.powi(2) * distance.max;
-        both(self) < CLEARLY * both(other)
+        both(self) < both(other)
     }
 }
 

@@ -51,23 +51,28 @@ pub fn simplify(mesh: &Mesh, options: &Options) -> Result<Chain> {
     mesh.validate()?;
     let mut chain = run(mesh, options);
     if is_refined(options) && mesh.triangles.len() < SMALL {
-        let deviation = Deviation::new(mesh);
-        for effort in [Effort::Fast, Effort::Default].into_iter().filter(|effort| *effort < options.effort) {
-            let other = run(mesh, &Options { effort, ..options.clone() });
-            take_nearer(&mut chain, other, &deviation, options);
-        }
+        let efforts = [Effort::Fast, Effort::Default].into_iter().filter(|effort| *effort < options.effort);
+        let others = efforts.map(|effort| run(mesh, &Options { effort, ..options.clone() })).collect();
+        take_nearest(&mut chain, others, &Deviation::new(mesh), options);
     }
     Ok(chain)
 }
 
-/// Of small meshes with few collapses chance has a say in each: takes levels of `other` that are nearer to the source, where both chains have met the same
+/// Of small meshes with few collapses chance has a say in each: takes levels of the `others` that are nearer to the source, where both have met the same
 /// target.
-fn take_nearer(chain: &mut Chain, other: Chain, deviation: &Deviation, options: &Options) {
-    for ((level, other), target) in chain.levels.iter_mut().zip(other.levels).zip(&options.levels) {
-        let same_count = level.mesh.triangles.len().abs_diff(other.mesh.triangles.len()) <= 1;
-        let is_choice = target.error.is_none() && level.stop == other.stop && same_count && level.mesh != other.mesh;
-        if is_choice && deviation.of(&other.mesh).is_nearer_than(&deviation.of(&level.mesh)) {
-            *level = other;
+fn take_nearest(chain: &mut Chain, others: Vec<Chain>, deviation: &Deviation, options: &Options) {
+    let mut distances = vec![None; chain.levels.len()];
+    for other in others {
+        let levels = chain.levels.iter_mut().zip(other.levels).zip(&options.levels);
+        for (((level, other), target), known) in levels.zip(&mut distances) {
+            let same_count = level.mesh.triangles.len().abs_diff(other.mesh.triangles.len()) <= 1;
+            if target.error.is_some() || level.stop != other.stop || !same_count || level.mesh == other.mesh {
+                continue;
+            }
+            let distance = deviation.of(&other.mesh);
+            if distance.is_nearer_than(known.get_or_insert_with(|| deviation.of(&level.mesh))) {
+                (*level, *known) = (other, Some(distance));
+            }
         }
     }
 }

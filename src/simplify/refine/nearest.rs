@@ -27,14 +27,15 @@ impl NearestFace {
         let corners: Vec<[Vec3; 3]> = order.iter().map(|&f| triangle(f)).collect();
         let mut triangles = Planes::default();
         triangles.fill(&corners);
-        let mut bounds: Vec<[Vec3; 2]> = corners.chunks(LANES).map(|run| enclose(run.as_flattened())).collect();
+        let mut bounds: Vec<[Vec3; 2]> =
+            corners.chunks(LANES).map(|run| enclose(run.iter().flatten().copied())).collect();
         let mut levels = Vec::new();
         while !bounds.is_empty() {
             levels.push(bounds.chunks(LANES).map(Boxes::new).collect());
             if bounds.len() <= LANES {
                 break;
             }
-            bounds = bounds.chunks(LANES).map(|run| enclose(run.as_flattened())).collect();
+            bounds = bounds.chunks(LANES).map(|run| enclose(run.iter().flatten().copied())).collect();
         }
         Self { levels, triangles, order }
     }
