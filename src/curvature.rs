@@ -1,4 +1,4 @@
-//! Discrete Gaussian curvature by angle deficit (ESQEM, eq. 8 and 9).
+//! Discrete Gaussian curvature by angle deficit (ESQEM, eq. 8 and 9), and what else angles say of a surface.
 
 use crate::lanes::{cross, dot, gather, minus};
 use crate::mesh::edges::{Edge, EdgeKind};
@@ -43,8 +43,32 @@ impl Curvature {
     }
 }
 
-/// Gaussian curvature of all points, in single precision: quick rather than exact to the last digit.
-pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
+/// What a surface is like around a point.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Form {
+    /// |K|, 1 / length².
+    pub curvature: f32,
+    /// Mean of the smallest angles of the faces.
+    pub angle: f32,
+}
+
+impl Form {
+    pub fn mean(self, other: Self) -> Self {
+        Self::mean_of([self, other].into_iter())
+    }
+
+    /// Of none: flat, without a face.
+    pub fn mean_of(forms: impl Iterator<Item = Self>) -> Self {
+        let (sum, count) = forms.fold((Self::default(), 0), |(sum, count), form| {
+            (Self { curvature: sum.curvature + form.curvature, angle: sum.angle + form.angle }, count + 1)
+        });
+        let share = 1.0 / count.max(1) as f32;
+        Self { curvature: sum.curvature * share, angle: sum.angle * share }
+    }
+}
+
+/// Of all points, in single precision: quick rather than exact to the last digit.
+pub(crate) fn forms(surface: &Surface, border: &[bool]) -> Vec<Form> {
     // Angles at the three corners, and the area.
     let mut faces = vec![[0.0; 4]; surface.face_slots()];
     tasks::for_some(&mut faces, |start, faces| {
@@ -55,11 +79,13 @@ pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
         }
     });
     tasks::collect(surface.points.len(), |p| {
-        let (mut angle, mut area) = (0.0, 0.0);
-        for &corner in surface.ring(p as u32) {
+        let (mut angle, mut area, mut smallest) = (0.0, 0.0, 0.0);
+        let ring = surface.ring(p as u32);
+        for &corner in ring {
             let face = &faces[Surface::face_of(corner)];
             angle += face[(corner & 3) as usize];
             area += face[3];
+            smallest += face[0].min(face[1]).min(face[2]);
         }
         let once = if border[p] { PI } else { TAU };
         // Several sheets through the point are flat where each of them is.
@@ -67,7 +93,8 @@ pub(crate) fn gauss_curvatures(surface: &Surface, border: &[bool]) -> Vec<f32> {
         let full = once + TAU * more;
         let deficit = full - angle;
         let turn = if border[p] { deficit.abs().max(border_turn(surface, p as u32)) } else { deficit };
-        if area > f32::MIN_POSITIVE { 3.0 * turn / area } else { 0.0 }
+        let curvature = if area > f32::MIN_POSITIVE { (3.0 * turn / area).abs() } else { 0.0 };
+        Form { curvature, angle: smallest / ring.len().max(1) as f32 }
     })
 }
 
@@ -133,7 +160,19 @@ mod tests {
 
     fn curvatures(mesh: &Mesh) -> Vec<f32> {
         let surface = Surface::new(mesh);
-        gauss_curvatures(&surface, &border_points(surface.points.len(), &collect_edges(&surface)))
+        let forms = forms(&surface, &border_points(surface.points.len(), &collect_edges(&surface)));
+        forms.into_iter().map(|form| form.curvature).collect()
+    }
+
+    #[test]
+    fn the_angle_of_a_form_is_the_mean_of_the_smallest() {
+        // At the first point a right-angled triangle with two equal sides, and one of 30 degrees.
+        let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-3f32.sqrt(), 0.0, 0.0]];
+        let surface = Surface::new(&Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() });
+        let forms = forms(&surface, &border_points(surface.points.len(), &collect_edges(&surface)));
+        let expected = [(PI / 4.0 + PI / 6.0) / 2.0, PI / 4.0, (PI / 4.0 + PI / 6.0) / 2.0, PI / 6.0];
+        assert!(forms.iter().zip(expected).all(|(form, angle)| (form.angle - angle).abs() < 1e-3), "{forms:?}");
+        assert!((forms[1].mean(forms[3]).angle - (expected[1] + expected[3]) / 2.0).abs() < 1e-3);
     }
 
     /// A prism over a triangle, open at both ends: flat by its angles, but its ends turn by 120° at each point.
@@ -156,6 +195,6 @@ mod tests {
         let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
         let front = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]];
         let triangles = front.into_iter().chain(front.map(|[a, b, c]| [c, b, a])).collect();
-        assert!(curvatures(&Mesh { positions, triangles, ..Mesh::default() })[0].abs() < 1e-3);
+        assert!(curvatures(&Mesh { positions, triangles, ..Mesh::default() })[0] < 1e-3);
     }
 }

@@ -66,6 +66,11 @@ pub(crate) trait Cost: Any + Send + Sync {
         0.0
     }
 
+    /// Whether the source has nothing but needles between two points: then more of them are no loss.
+    fn is_slender(&self, _a: u32, _b: u32) -> bool {
+        false
+    }
+
     /// How much an error counts where a piece around these points, of this squared diagonal, is lost.
     fn emphasis(&self, _points: &mut dyn Iterator<Item = u32>, _square: f64) -> f64 {
         1.0

@@ -13,7 +13,7 @@ use super::fan::{Fan, distance_squared};
 use super::options::{AttributeWeights, Effort, Options, Placement};
 use super::placement::{Apex, Estimate, Facet, Lanes, Subject, emphasis, estimate};
 use crate::attributes::Metric;
-use crate::curvature::{border_points, gauss_curvatures};
+use crate::curvature::{Form, border_points, forms};
 use crate::lanes::LANES;
 use crate::mesh::edges::{Edge, EdgeKind, Side, sides_of, special_edges};
 use crate::mesh::regions::Region;
@@ -37,6 +37,9 @@ const CURVATURE_IN_HASTE: f32 = 0.5;
 /// Variance of the normals around a point from which there is a crease, along which needles are no use.
 const CREASED: f64 = 0.05;
 
+/// Mean of the smallest angles of the source's faces around an edge below which they are needles themselves: 10°.
+const SLENDER: f32 = 0.174_533;
+
 /// Variance of the normals around a point that no crease of a right angle has: limbs, blades and tips do, and open borders with their planes.
 const TURNED_BACK: f32 = 0.5;
 /// Share of the area around such a point that counts as far off as the point: the distance falls off towards the faces that stay.
@@ -47,8 +50,8 @@ pub(crate) struct Enhanced {
     room: Room,
     options: Options,
     apexes: Vec<Apex>,
-    /// |K| of the points, as long as there are no apexes.
-    curvatures: Vec<f32>,
+    /// Of the points of the source, as long as there are no apexes.
+    forms: Vec<Form>,
     /// Points at edges that have planes of their own.
     ridged: Vec<bool>,
     /// Of each face.
@@ -60,7 +63,6 @@ pub(crate) struct Enhanced {
 
 impl Enhanced {
     pub fn new(surface: &Surface, edges: &[Edge], options: &Options) -> Self {
-        let curvatures = gauss_curvatures(surface, &border_points(surface.points.len(), edges));
         let metric = Metric::new(surface, &attribute_weights(options));
         let at_ends = options.placement == Placement::Subset;
         let mut options = options.clone();
@@ -72,7 +74,7 @@ impl Enhanced {
             room: Room::of(&surface.points),
             options,
             apexes: Vec::new(),
-            curvatures: curvatures.into_iter().map(f32::abs).collect(),
+            forms: forms(surface, &border_points(surface.points.len(), edges)),
             ridged: vec![false; surface.points.len()],
             facets: Vec::new(),
             metric,
@@ -201,7 +203,7 @@ impl Enhanced {
 
     /// Keeps what the next refresh cannot find again.
     fn drop_apexes(&mut self) {
-        self.curvatures.extend(take(&mut self.apexes).iter().map(Apex::curvature));
+        self.forms.extend(take(&mut self.apexes).iter().map(Apex::form));
         self.facets = Vec::new();
     }
 
@@ -285,7 +287,7 @@ impl Cost for Enhanced {
             }
         });
         let facets = &self.facets;
-        self.apexes.extend(take(&mut self.curvatures).into_iter().map(Apex::with_curvature));
+        self.apexes.extend(take(&mut self.forms).into_iter().map(Apex::with_form));
         tasks::for_each(&mut self.apexes, |p, apex| {
             let ring = surface.ring(p as u32);
             if ring.is_empty() {
@@ -377,9 +379,15 @@ impl Cost for Enhanced {
         if bend < CREASED { bend } else { 0.0 }
     }
 
+    fn is_slender(&self, a: u32, b: u32) -> bool {
+        let [a, b] = [a, b].map(|p| self.apexes[p as usize].form().angle);
+        0.5 * (a + b) < SLENDER
+    }
+
     fn emphasis(&self, points: &mut dyn Iterator<Item = u32>, square: f64) -> f64 {
-        let (sum, count) = points
-            .fold((0.0, 0.0), |(sum, count), p| (sum + f64::from(self.apexes[p as usize].curvature()), count + 1.0));
+        let (sum, count) = points.fold((0.0, 0.0), |(sum, count), p| {
+            (sum + f64::from(self.apexes[p as usize].form().curvature), count + 1.0)
+        });
         emphasis(sum / count, square, self.options.curvature_weight)
     }
 
@@ -396,9 +404,8 @@ impl Cost for Enhanced {
             self.metric.merged(surface, kept);
         }
         self.ridged[kept as usize] |= self.ridged[gone as usize];
-        let gone = self.apexes[gone as usize].curvature();
-        let kept = self.apexes[kept as usize].curvature_mut();
-        *kept = 0.5 * (*kept + gone);
+        let joint = self.apexes[kept as usize].form().mean(self.apexes[gone as usize].form());
+        self.apexes[kept as usize].set_form(joint);
     }
 
     fn broke(&mut self, surface: &Surface, kept: u32) {
@@ -409,13 +416,10 @@ impl Cost for Enhanced {
     fn grow(&mut self, surface: &Surface) {
         let known = self.apexes.len();
         for p in known..surface.points.len() {
-            // New points take the mean of their neighbours' curvature; the rest is rebuilt at each pass.
+            // New points take the mean of their neighbours' forms; the rest is rebuilt at each pass.
             let neighbours = surface.neighbours(p as u32);
-            let curvatures =
-                neighbours.iter().filter_map(|&n| self.apexes.get(n as usize)).map(|apex| apex.curvature());
-            let count = curvatures.clone().count().max(1);
-            let mean = curvatures.sum::<f32>() / count as f32;
-            self.apexes.push(Apex::with_curvature(mean));
+            let forms = neighbours.iter().filter_map(|&n| self.apexes.get(n as usize)).map(Apex::form);
+            self.apexes.push(Apex::with_form(Form::mean_of(forms)));
             self.ridged.push(false);
         }
     }
@@ -431,7 +435,7 @@ impl Cost for Enhanced {
             Box::new(Self {
                 options: this.options.clone(),
                 apexes: Vec::new(),
-                curvatures: region.points.iter().map(|&p| this.curvatures[p as usize]).collect(),
+                forms: region.points.iter().map(|&p| this.forms[p as usize]).collect(),
                 ridged: vec![false; region.points.len()],
                 facets: Vec::new(),
                 metric: Metric::default(),
@@ -448,12 +452,12 @@ impl Cost for Enhanced {
     }
 
     fn join(&mut self, parts: Vec<(&Region, Box<dyn Cost>)>, count: usize) {
-        self.curvatures = vec![0.0; count];
+        self.forms = vec![Form::default(); count];
         self.ridged = vec![false; count];
         for (region, part) in parts {
             let Ok(mut part) = (part as Box<dyn Any>).downcast::<Self>() else { return };
             part.drop_apexes();
-            region.in_whole(part.curvatures).for_each(|(p, curvature)| self.curvatures[p] = curvature);
+            region.in_whole(part.forms).for_each(|(p, form)| self.forms[p] = form);
         }
     }
 

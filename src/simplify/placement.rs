@@ -11,6 +11,7 @@
 
 use super::fan::Four;
 use crate::attributes::add_product;
+use crate::curvature::Form;
 use crate::lanes::{LANES, Vec3x4, dot, gather};
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
 use wide::f32x4;
@@ -45,21 +46,28 @@ pub(super) struct Apex {
     mean: [f32; 4],
     /// The spread's xx, xy, xz, yy.
     spread: [f32; 4],
-    /// The spread's yz, zz; |K| of the source, averaged at merges.
+    /// The spread's yz, zz; the source's [form](Form), averaged at merges.
     rest: [f32; 4],
     position: [f32; 4],
 }
 
 impl Apex {
-    pub fn with_curvature(curvature: f32) -> Self {
-        Self { rest: [0.0, 0.0, curvature, 0.0], ..Self::default() }
+    pub fn with_form(form: Form) -> Self {
+        let mut apex = Self::default();
+        apex.set_form(form);
+        apex
     }
 
-    pub fn curvature_mut(&mut self) -> &mut f32 {
-        &mut self.rest[2]
+    pub fn form(&self) -> Form {
+        let [_, _, curvature, angle] = self.rest;
+        Form { curvature, angle }
     }
 
-    pub fn curvature(&self) -> f32 {
+    pub fn set_form(&mut self, Form { curvature, angle }: Form) {
+        (self.rest[2], self.rest[3]) = (curvature, angle);
+    }
+
+    fn curvature(&self) -> f32 {
         self.rest[2]
     }
 

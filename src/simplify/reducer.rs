@@ -321,7 +321,7 @@ impl Reducer {
             return Err(Cause::Vanish);
         }
         let worst = self.fan.look(&self.surface, &self.merge, candidate.position, first)?;
-        check_needles(&self.surface, &self.merge, worst, self.needles.quality, terms.paid)?;
+        check_needles(&self.surface, &self.merge, &*self.cost, worst, self.needles, terms.paid)?;
         let rules = self.check_rules();
         if !terms.paid {
             rules?;
