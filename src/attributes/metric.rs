@@ -1,7 +1,7 @@
 //! What a collapse costs in attributes, and the values that cost least.
 
 use super::slope::{Facet, Products, Slope, Spread, add_products, sum_products};
-use super::{add_product, distinct_wedges, is_displacement};
+use super::{add_product, distinct_wedges, is_displacement, multiply};
 use crate::lanes::{LANES, Vec3x4, dot};
 use crate::mesh::Semantic;
 use crate::mesh::surface::Surface;
@@ -36,6 +36,13 @@ pub(crate) struct Metric {
     area: f64,
     /// Unit frame over object units.
     frame: f32,
+}
+
+/// What attributes cost with the joined point at `x` from an edge's first end, but for a constant: `xᵀ matrix x − 2 right·x`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct AttributeQuadric {
+    pub matrix: Spread,
+    pub right: Vec3,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -351,6 +358,16 @@ impl Metric {
         f64::from(sum.max(0.0))
     }
 
+    /// [`Self::deviation`] for the joined point anywhere. `edge`: from the first end to the second.
+    #[inline]
+    pub fn quadric(&self, ends: [u32; 2], pairs: &[(u32, u32)], edge: Vec3) -> AttributeQuadric {
+        let [of_a, of_b] = ends.map(|p| self.spreads[p as usize]);
+        let mut quadric = AttributeQuadric { matrix: of_a, right: multiply(&of_b, edge) };
+        add(&mut quadric.matrix, of_b);
+        pairs.iter().for_each(|&(wa, wb)| self.wedge(wa).add_gap(edge, self.wedge(wb), &mut quadric));
+        quadric
+    }
+
     /// How far the functions of all faces of a point spread at `off` from it.
     #[inline]
     fn spread(&self, point: u32, off: Vec3) -> f32 {
@@ -430,8 +447,27 @@ impl Known<'_> {
     /// How far the values that two wedges would have at one position lie apart.
     #[inline]
     fn gap(self, y: Vec3, other: Self, z: Vec3) -> f32 {
-        let joint = self.area * other.area / (self.area + other.area).max(f32::MIN_POSITIVE);
-        joint * distance_squared(self.at(y), other.at(z))
+        self.joint_area(other) * distance_squared(self.at(y), other.at(z))
+    }
+
+    /// The same for a position anywhere, with the other wedge's point at `edge` from this one's.
+    #[inline]
+    fn add_gap(self, edge: Vec3, other: Self, quadric: &mut AttributeQuadric) {
+        let joint = self.joint_area(other);
+        for ((block, &here), there) in self.blocks.iter().zip(self.values).zip(other.at(-edge)) {
+            let [near, far] = [self, other].map(|wedge| &wedge.slopes[block.first..][..block.count]);
+            for ((near, far), step) in near.iter().zip(far).zip((here - there).to_array()) {
+                let turn = *near - *far;
+                add_product(&mut quadric.matrix, turn * joint, turn);
+                quadric.right -= turn * (step * joint);
+            }
+        }
+    }
+
+    /// What a squared difference between the values of two wedges that become one counts, if both give in.
+    #[inline]
+    fn joint_area(self, other: Self) -> f32 {
+        self.area * other.area / (self.area + other.area).max(f32::MIN_POSITIVE)
     }
 
     /// How far its values would be from those of `stays`, which is at `off`.

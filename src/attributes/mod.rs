@@ -7,6 +7,8 @@
 //!
 //! `(x − p)ᵀ C (x − p)` on either side, and `W₁W₂ / (W₁ + W₂) · (s₁ + ḡ₁·(x − p₁) − s₂ − ḡ₂·(x − p₂))²` between them (`W` the areas).
 //!
+//! All of it is a quadric in `x`, and has a say in where the joined point goes: along a surface that is flat or evenly curved nothing else has.
+//!
 //! Displacements (of a morph target, of a pose) count like positions, though less: the shape is off by as much in that pose. What stands off a face
 //! moves as the face turns, so that their gradients have a part along the normal, too, and what only turns costs nothing. They are the same on every
 //! side of a seam, so that posed surfaces stay closed; so are joint influences, which follow the edge.
@@ -17,7 +19,7 @@ mod metric;
 mod slope;
 mod solution;
 
-pub(crate) use metric::Metric;
+pub(crate) use metric::{AttributeQuadric, Metric};
 pub(crate) use slope::Facet;
 pub(crate) use solution::{Solution, fill_midpoint};
 
@@ -32,6 +34,12 @@ use smallvec::SmallVec;
 pub(crate) fn add_product(m: &mut [f32], a: Vec3, b: Vec3) {
     let products = [a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.y, a.y * b.z, a.z * b.z];
     m.iter_mut().zip(products).for_each(|(m, p)| *m += p);
+}
+
+/// The symmetric matrix (xx, xy, xz, yy, yz, zz) times `v`.
+#[inline]
+pub(crate) fn multiply([xx, xy, xz, yy, yz, zz]: &[f32; 6], v: Vec3) -> Vec3 {
+    Vec3::new(xx * v.x + xy * v.y + xz * v.z, xy * v.x + yy * v.y + yz * v.z, xz * v.x + yz * v.y + zz * v.z)
 }
 
 /// Unit normal and area of a face.

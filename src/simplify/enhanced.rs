@@ -12,7 +12,7 @@ use super::ends::Sweep;
 use super::fan::{Fan, distance_squared};
 use super::options::{AttributeWeights, Effort, Options, Placement};
 use super::placement::{Apex, Estimate, Facet, Lanes, Subject, emphasis, estimate};
-use crate::attributes::Metric;
+use crate::attributes::{AttributeQuadric, Metric};
 use crate::curvature::{Form, border_points, forms};
 use crate::lanes::LANES;
 use crate::mesh::edges::{Edge, EdgeKind, Side, sides_of, special_edges};
@@ -39,6 +39,10 @@ const CREASED: f64 = 0.05;
 
 /// Mean of the smallest angles of the source's faces around an edge below which they are needles themselves: 10°.
 const SLENDER: f32 = 0.174_533;
+
+/// How much of what attributes cost counts for the place of a joined point, against the shape with its factor: what they say of places
+/// is extrapolated.
+const ATTRIBUTES_IN_PLACE: f32 = 0.3;
 
 /// Variance of the normals around a point that no crease of a right angle has: limbs, blades and tips do, and open borders with their planes.
 const TURNED_BACK: f32 = 0.5;
@@ -167,9 +171,15 @@ impl Enhanced {
         let shared = faces.map(|face| self.facets[face].area_vector()).sum();
         let start = surface.points[a as usize];
         let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
-        let place = subject.place(shared, |offset| self.room.contains(start + offset));
+        let factor = subject.factor(self.options.curvature_weight);
+        let of_attributes = (fixed.is_none() && !self.metric.is_empty()).then(|| {
+            let AttributeQuadric { matrix, right } = self.metric.quadric([a, b], pairs, subject.edge.as_vec3());
+            let share = ATTRIBUTES_IN_PLACE / factor as f32;
+            AttributeQuadric { matrix: matrix.map(|x| x * share), right: right * share }
+        });
+        let place = subject.place(shared, of_attributes, |offset| self.room.contains(start + offset));
         let position = fixed.unwrap_or(start + place.offset);
-        let mut cost = place.error * subject.factor(self.options.curvature_weight);
+        let mut cost = place.error * factor;
         if !self.metric.is_empty() {
             cost += self.cost_of_attributes(surface, [a, b], pairs, position);
         }

@@ -10,7 +10,7 @@
 //! is the difference of large terms.
 
 use super::fan::Four;
-use crate::attributes::add_product;
+use crate::attributes::{AttributeQuadric, add_product, multiply};
 use crate::curvature::Form;
 use crate::lanes::{LANES, Vec3x4, dot, gather};
 use glam::{DVec3, Vec3, Vec4, Vec4Swizzles};
@@ -203,11 +203,12 @@ pub(super) struct Place {
 }
 
 impl Subject<'_> {
-    /// Finds the place. `shared`: sum of the area vectors of the faces at both ends; `fits`: whether a place is allowed.
-    pub fn place(&self, shared: Vec3, fits: impl Fn(DVec3) -> bool) -> Place {
+    /// Finds the place. `shared`: sum of the area vectors of the faces at both ends; `of_attributes`: what they would have of the place, weighed
+    /// against the shape; `fits`: whether a place is allowed.
+    pub fn place(&self, shared: Vec3, of_attributes: Option<AttributeQuadric>, fits: impl Fn(DVec3) -> bool) -> Place {
         let offset = match self.pin {
             Some(share) => self.edge * share,
-            None => self.minimum(shared, fits).unwrap_or_else(|| self.edge * self.best_share()),
+            None => self.minimum(shared, of_attributes, fits).unwrap_or_else(|| self.edge * self.best_share()),
         };
         Place { offset, error: f64::from(self.error(offset.as_vec3())) }
     }
@@ -229,13 +230,22 @@ impl Subject<'_> {
     }
 
     /// The minimum near the edge: the one that keeps the volume, if that means something.
-    fn minimum(&self, shared: Vec3, fits: impl Fn(DVec3) -> bool) -> Option<DVec3> {
+    fn minimum(
+        &self,
+        shared: Vec3,
+        of_attributes: Option<AttributeQuadric>,
+        fits: impl Fn(DVec3) -> bool,
+    ) -> Option<DVec3> {
         let [a, b] = self.ends;
         let edge = self.edge.as_vec3();
         let (of_a, of_b) = (a.matrix(), b.matrix());
-        let joint: [f32; 6] = std::array::from_fn(|i| of_a[i] + of_b[i]);
+        let mut joint: [f32; 6] = std::array::from_fn(|i| of_a[i] + of_b[i]);
         let trace = joint[0] + joint[3] + joint[5];
-        let right = multiply(&of_b, edge);
+        let mut right = multiply(&of_b, edge);
+        if let Some(AttributeQuadric { matrix, right: wish }) = of_attributes {
+            joint.iter_mut().zip(matrix).for_each(|(sum, of_attributes)| *sum += of_attributes);
+            right += wish;
+        }
         let pull = trace * STIFFNESS;
         let factors = Factors::of(&joint, pull);
         let middle = edge * 0.5;
@@ -375,10 +385,6 @@ impl Lanes {
     }
 }
 
-fn multiply([xx, xy, xz, yy, yz, zz]: &[f32; 6], v: Vec3) -> Vec3 {
-    Vec3::new(xx * v.x + xy * v.y + xz * v.z, xy * v.x + yy * v.y + yz * v.z, xz * v.x + yz * v.y + zz * v.z)
-}
-
 /// `L D Lᵀ` of a symmetric matrix: stable in single precision where a determinant is not.
 struct Factors {
     lower: [f32; 3],
@@ -469,7 +475,7 @@ mod tests {
         let (a, b) = (apex(A, &fa), apex(B, &fb));
         let shared: Vec3 = fa[..2].iter().map(|&t| facet_of(&t).area_vector()).sum();
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
-        let x = A + subject.place(shared, |_| true).offset;
+        let x = A + subject.place(shared, None, |_| true).offset;
         let volume = |replace: bool| -> f64 {
             let moved = |p: DVec3| if replace && (p == A || p == B) { x } else { p };
             let all = fa.iter().chain(&fb[2..]);
@@ -484,7 +490,7 @@ mod tests {
         let (a, b) = (apex(A, &fa), apex(B, &fb));
         let subject = Subject { ends: [&a, &b], edge: B - A, pin: None };
         let shared: Vec3 = fa[..2].iter().map(|&t| facet_of(&t).area_vector()).sum();
-        let exact = subject.place(shared, |_| true).error * subject.factor(1.0);
+        let exact = subject.place(shared, None, |_| true).error * subject.factor(1.0);
         let Estimate { error, factor, .. } = estimate(&Lanes::splat(&a), &Lanes::of([&b; LANES]), 1.0, false);
         for estimate in (error * factor).to_array() {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
@@ -495,7 +501,7 @@ mod tests {
     fn a_pinned_point_stays_at_its_end() {
         let [fa, fb] = tents();
         let (a, b) = (apex(A, &fa), apex(B, &fb));
-        let place = |pin| Subject { ends: [&a, &b], edge: B - A, pin: Some(pin) }.place(Vec3::ZERO, |_| true);
+        let place = |pin| Subject { ends: [&a, &b], edge: B - A, pin: Some(pin) }.place(Vec3::ZERO, None, |_| true);
         assert_eq!(place(0.0).offset, DVec3::ZERO);
         assert_eq!(place(1.0).offset, B - A);
     }

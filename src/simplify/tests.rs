@@ -13,10 +13,11 @@ use super::{
     Algorithm, AttributeWeights, EdgePolicy, Effort, FeatureWeight, NormalUpdate, Options, Target, passes, queue,
     queue::Rank, simplify, vertices,
 };
-use crate::attributes::Metric;
+use crate::attributes::{AttributeQuadric, Metric, facet, multiply};
 use crate::curvature::{Curvature, border_points};
 use crate::mesh::edges::{Edge, collect_edges};
 use crate::mesh::surface::Surface;
+use crate::mesh::surgery::pair_wedges;
 use crate::mesh::{Attribute, Mesh, Semantic};
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -317,4 +318,28 @@ fn needles_of_the_source_are_no_reason_to_keep_its_flat_parts() {
     let level = &simplify(&mesh, &options).expect("sound").levels[0].mesh;
     let rms = Deviation::new(&mesh).of(level).rms;
     assert!(level.triangles.len() <= 517 && rms < 1e-6, "{} triangles, {rms}", level.triangles.len());
+}
+
+#[test]
+fn the_quadric_of_attributes_is_their_deviation_anywhere() {
+    let mut mesh = terrain(4);
+    let values = mesh.positions.iter().flat_map(|[x, y, _]| [0.1 * x * x - 0.05 * x * y, 0.07 * y * y + 0.1 * x]);
+    mesh.attributes.push(Attribute { semantic: Semantic::TexCoord(0), width: 2, values: values.collect() });
+    let surface = Surface::new(&mesh);
+    let mut metric = Metric::new(&surface, &AttributeWeights::default());
+    metric.refresh(&surface, |face| facet(&surface, face));
+    let ends @ [a, b] = collect_edges(&surface).iter().map(|e| [e.a, e.b]).nth(20).expect("an edge");
+    let pairs = pair_wedges(&surface, a, b);
+    let edge = surface.points[b as usize] - surface.points[a as usize];
+    let AttributeQuadric { matrix, right } = metric.quadric(ends, &pairs, edge.as_vec3());
+    let at = |x: DVec3| {
+        let (exact, x) = (metric.deviation(&surface, ends, &pairs, surface.points[a as usize] + x), x.as_vec3());
+        (exact, f64::from(x.dot(multiply(&matrix, x)) - 2.0 * right.dot(x)))
+    };
+    let (exact, found) = at(DVec3::ZERO);
+    for x in [edge, DVec3::new(0.3, -0.2, 0.1), DVec3::new(-0.1, 0.4, 0.2)] {
+        let (more_exact, more_found) = at(x);
+        let expected = more_exact - exact;
+        assert!((more_found - found - expected).abs() < 1e-3 * expected.abs(), "{} {expected}", more_found - found);
+    }
 }
