@@ -45,6 +45,12 @@ pub(crate) struct AttributeQuadric {
     pub right: Vec3,
 }
 
+impl AttributeQuadric {
+    pub fn scaled(self, share: f32) -> Self {
+        Self { matrix: self.matrix.map(|x| x * share), right: self.right * share }
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Term {
     /// Index in the row.
