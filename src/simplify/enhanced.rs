@@ -12,7 +12,7 @@ use super::ends::Sweep;
 use super::fan::{Fan, distance_squared};
 use super::options::{AttributeWeights, Effort, Options, Placement};
 use super::placement::{Apex, Estimate, Facet, Lanes, Subject, emphasis, estimate};
-use crate::attributes::{AttributeQuadric, Metric};
+use crate::attributes::Metric;
 use crate::curvature::{Form, border_points, forms};
 use crate::lanes::LANES;
 use crate::mesh::edges::{Edge, EdgeKind, Side, sides_of, special_edges};
@@ -42,8 +42,6 @@ const SLENDER: f32 = 0.174_533;
 
 /// How much of what attributes cost counts for the place of a joined point: what they say of places is extrapolated.
 const ATTRIBUTES_IN_PLACE: f64 = 0.3;
-/// Less the more the normals around an end vary, and nothing from this variance on: off the ridges of what is flat otherwise a point is off all faces.
-const BENT_TOO_FAR: f64 = 0.2;
 
 /// Variance of the normals around a point that no crease of a right angle has: limbs, blades and tips do, and open borders with their planes.
 const TURNED_BACK: f32 = 0.5;
@@ -173,8 +171,10 @@ impl Enhanced {
         let start = surface.points[a as usize];
         let subject = self.subject(surface, [a, b], fixed.map(|x| f64::from(x != start)));
         let factor = subject.factor(self.options.curvature_weight);
-        let of_attributes =
-            if fixed.is_none() { self.attributes_in_place(&subject, [a, b], pairs, factor) } else { None };
+        let of_attributes = (fixed.is_none() && !self.metric.is_empty()).then(|| {
+            let quadric = self.metric.quadric([a, b], pairs, subject.edge.as_vec3());
+            quadric.scaled((ATTRIBUTES_IN_PLACE / factor) as f32)
+        });
         let place = subject.place(shared, of_attributes, |offset| self.room.contains(start + offset));
         let position = fixed.unwrap_or(start + place.offset);
         let mut cost = place.error * factor;
@@ -182,26 +182,6 @@ impl Enhanced {
             cost += self.cost_of_attributes(surface, [a, b], pairs, position);
         }
         cost.is_finite().then_some(Candidate { cost, position })
-    }
-
-    /// What attributes would have of the joined point's place, relative to what the shape would, whose errors count by `factor`.
-    #[inline]
-    fn attributes_in_place(
-        &self,
-        subject: &Subject,
-        ends: [u32; 2],
-        pairs: &[(u32, u32)],
-        factor: f64,
-    ) -> Option<AttributeQuadric> {
-        if self.metric.is_empty() {
-            return None;
-        }
-        let bend = subject.ends[0].bend().max(subject.ends[1].bend());
-        if bend >= BENT_TOO_FAR {
-            return None;
-        }
-        let share = (ATTRIBUTES_IN_PLACE * (1.0 - bend / BENT_TOO_FAR) / factor) as f32;
-        Some(self.metric.quadric(ends, pairs, subject.edge.as_vec3()).scaled(share))
     }
 
     /// What `candidate` costs besides where it leaves an end behind at which the surface turns back on itself: area · distance² from the faces around

@@ -24,6 +24,8 @@ const REACH_SQUARED: f32 = 4.0;
 const LEAST_NORMAL_SQUARED: f32 = 1e-4;
 /// Largest K·|e|² that counts; beyond it the surface is not resolved anyway.
 const CURVATURE_CAP: f32 = 20.0;
+/// Factor by which the shape's error may grow for the sake of attributes: along what is ruled or flat, where the shape loses nothing, it goes on doing so.
+const MOST_FOR_ATTRIBUTES: f64 = 2.0;
 /// Weight of K·|e|² at a curvature weight of 1.
 const CURVATURE_SCALE: f32 = 2.0;
 /// 1 − cos of the angle between the end normals of an edge that counts as flat.
@@ -206,11 +208,13 @@ impl Subject<'_> {
     /// Finds the place. `shared`: sum of the area vectors of the faces at both ends; `of_attributes`: what they would have of the place, weighed
     /// against the shape; `fits`: whether a place is allowed.
     pub fn place(&self, shared: Vec3, of_attributes: Option<AttributeQuadric>, fits: impl Fn(DVec3) -> bool) -> Place {
-        let offset = match self.pin {
-            Some(share) => self.edge * share,
-            None => self.minimum(shared, of_attributes, fits).unwrap_or_else(|| self.edge * self.best_share()),
-        };
-        Place { offset, error: f64::from(self.error(offset.as_vec3())) }
+        let at = |offset: DVec3| Place { offset, error: f64::from(self.error(offset.as_vec3())) };
+        if let Some(share) = self.pin {
+            return at(self.edge * share);
+        }
+        let of_shape = at(self.minimum(shared, None, &fits).unwrap_or_else(|| self.edge * self.best_share()));
+        let wished = of_attributes.and_then(|quadric| self.minimum(shared, Some(quadric), &fits)).map(at);
+        wished.filter(|wished| wished.error <= MOST_FOR_ATTRIBUTES * of_shape.error).unwrap_or(of_shape)
     }
 
     /// What it costs that the second end, or the first if `backwards`, goes to the other one, which stays: area · distance².
@@ -495,6 +499,23 @@ mod tests {
         for estimate in (error * factor).to_array() {
             assert!((0.5..2.0).contains(&(f64::from(estimate) / exact)), "{estimate} {exact}");
         }
+    }
+
+    #[test]
+    fn attributes_move_a_place_only_where_the_shape_does_not_mind() {
+        // A roof along x, of this height: flat, or with a ridge on which both ends are.
+        let place = |height: f64| {
+            let (a, b) = (DVec3::ZERO, DVec3::X);
+            let eaves = |y: f64| [DVec3::new(-1.0, y, -height), DVec3::new(2.0, y, -height)];
+            let around = |p: DVec3| [1.0, -1.0].map(eaves).map(|[from, to]| [p, from, to]);
+            let [at_a, at_b] = [a, b].map(|p| apex(p, &around(p)));
+            let subject = Subject { ends: [&at_a, &at_b], edge: b - a, pin: None };
+            let wish = Vec3::new(0.4, 0.2, 0.0);
+            let quadric = AttributeQuadric { matrix: [1.0, 0.0, 0.0, 1.0, 0.0, 1.0], right: wish };
+            subject.place(Vec3::ZERO, Some(quadric), |_| true).offset.distance(wish.as_dvec3())
+        };
+        assert!(place(0.0) < 1e-3, "{}", place(0.0));
+        assert!(place(1.0) > 0.19, "{}", place(1.0));
     }
 
     #[test]
