@@ -154,8 +154,7 @@ pub(crate) fn check_needles(
     needles: Needles,
     paid: bool,
 ) -> Result<(), Cause> {
-    let is_spared =
-        || std::env::var("OFFS").is_err() && !paid && worst >= LINE && cost.is_slender(merge.kept, merge.gone);
+    let is_spared = || !paid && worst >= LINE && cost.is_slender(merge.kept, merge.gone);
     let was_worse = || {
         let corners = [surface.ring(merge.kept), merge.spokes_of_gone()];
         corners.into_iter().any(|corners| is_any_poor(surface, corners, worst))
