@@ -8,9 +8,9 @@ use crate::mesh::Mesh;
 use glam::DVec3;
 
 /// Places on a surface beyond one a face, by area: fewer say little about large faces.
-const PLACES: f64 = 500.0;
+const PLACES: f64 = 1000.0;
 /// And then by how much of the distance was found on each face: what is off may be off on few.
-const PLACES_WHERE_OFF: f64 = 1000.0;
+const PLACES_WHERE_OFF: f64 = 2000.0;
 /// Vertices, and faces, of the source that are asked, at most.
 const MOST_OF_SOURCE: usize = 10_000;
 
