@@ -158,18 +158,20 @@ mod tests {
     use crate::mesh::Mesh;
     use crate::mesh::edges::collect_edges;
 
-    fn curvatures(mesh: &Mesh) -> Vec<f32> {
+    fn forms_of(mesh: &Mesh) -> Vec<Form> {
         let surface = Surface::new(mesh);
-        let forms = forms(&surface, &border_points(surface.points.len(), &collect_edges(&surface)));
-        forms.into_iter().map(|form| form.curvature).collect()
+        forms(&surface, &border_points(surface.points.len(), &collect_edges(&surface)))
+    }
+
+    fn curvatures(mesh: &Mesh) -> Vec<f32> {
+        forms_of(mesh).into_iter().map(|form| form.curvature).collect()
     }
 
     #[test]
     fn the_angle_of_a_form_is_the_mean_of_the_smallest() {
         // At the first point a right-angled triangle with two equal sides, and one of 30 degrees.
         let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-3f32.sqrt(), 0.0, 0.0]];
-        let surface = Surface::new(&Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() });
-        let forms = forms(&surface, &border_points(surface.points.len(), &collect_edges(&surface)));
+        let forms = forms_of(&Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() });
         let expected = [(PI / 4.0 + PI / 6.0) / 2.0, PI / 4.0, (PI / 4.0 + PI / 6.0) / 2.0, PI / 6.0];
         assert!(forms.iter().zip(expected).all(|(form, angle)| (form.angle - angle).abs() < 1e-3), "{forms:?}");
         assert!((forms[1].mean(forms[3]).angle - (expected[1] + expected[3]) / 2.0).abs() < 1e-3);
