@@ -14,6 +14,10 @@ use std::mem::take;
 const LEAST_GAIN: f32 = 2e-3;
 /// Lengths of the steps tried; in sweeps as many as the budget has.
 const SCALES: [f32; 3] = [1.0, 0.4, 0.15];
+/// At peaks, share of the faces' area of which samples may turn over, for moves that lower the cost to [`MOST_TURNING`] of what it was: at the tip of
+/// a thin part the nearest face is now the front and now the back.
+const TURNING_SHARE: f32 = 0.05;
+const MOST_TURNING: f32 = 0.5;
 /// Share of the faces' area that the point alone stands for.
 const POINT_SHARE: f32 = 0.02;
 
@@ -32,7 +36,8 @@ pub(super) fn relocate(level: &mut Level, p: u32, manner: Manner) -> bool {
 fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> bool {
     let thorough = manner == Manner::Thorough;
     let (here, foot) = (fan.triangles[0][0], level.foot(p));
-    let own_area = fan.triangles.iter().map(area).sum::<f32>() * level.prices.density * POINT_SHARE;
+    let whole = fan.triangles.iter().map(area).sum::<f32>() * level.prices.density;
+    let own_area = whole * POINT_SHARE;
     let mut before = level.gather(&fan.faces, &fan.triangles);
     if !level.patch.can_judge() {
         return false;
@@ -62,7 +67,9 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
         let mut after = level.patch.attempt(&fan.moved, &level.prices);
         let most = before.cost * (1.0 - LEAST_GAIN);
         let turns = level.patch.planes.least_cosine(&level.patch.tried) < TURN_COSINE;
-        if turns || after.cost > most || after.turned > before.turned {
+        let may_turn = thorough && after.cost < before.cost * MOST_TURNING;
+        let most_turned = before.turned + if may_turn { whole * TURNING_SHARE } else { 0.0 };
+        if turns || after.cost > most || after.turned > most_turned {
             continue;
         }
         let foot = level.look_back(new, foot.face);

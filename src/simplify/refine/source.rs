@@ -85,9 +85,11 @@ impl Source {
         self.triangles[face as usize]
     }
 
-    /// A point of the source near a sample.
+    /// A point of the source near a sample: the vertex itself if it is one.
     pub fn corner(&self, sample: &Sample) -> u32 {
-        self.faces[sample.face as usize][0]
+        let face = sample.face as usize;
+        let at = self.triangles[face].iter().position(|&corner| corner == sample.position);
+        self.faces[face][at.unwrap_or(0)]
     }
 
     /// The closest point that a walk downhill from the face `start` finds: the closest of all if the start is near it, or if there is no such face.
@@ -293,7 +295,17 @@ mod tests {
         assert!((on_last / (area(last) / whole) - 1.0).abs() < 0.1, "{on_last}");
         let all: Vec<usize> = source.choose(faces as usize, usize::MAX).collect();
         assert!(all.len() >= faces as usize && (0..source.vertices).all(|v| all[v] == v));
+        let at_corner = |s: &Sample| source.triangle(s.face).contains(&s.position);
+        let vertices = &source.samples[..source.vertices];
+        assert!(vertices.iter().all(|s| at_corner(s) && mesh_point(&source, source.corner(s)) == s.position));
         assert!(source.choose(faces as usize, 10).filter(|&s| s < source.vertices).count() < 20);
+    }
+
+    /// Where a point is, by a face that has it.
+    fn mesh_point(source: &Source, p: u32) -> Vec3 {
+        let face = source.around[source.starts[p as usize] as usize];
+        let at = source.faces[face as usize].iter().position(|&q| q == p);
+        at.map_or(Vec3::NAN, |k| source.triangle(face)[k])
     }
 
     #[test]

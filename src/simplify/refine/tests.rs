@@ -140,6 +140,42 @@ fn levels_are_never_worse_by_the_ruler() {
     assert!(kept >= 12, "{kept} of 24");
 }
 
+/// A closed flat horn of 8 · 2 · `rings` triangles with its tip at x = 1, a fiftieth as broad as it is long.
+fn horn(rings: u32) -> Mesh {
+    let mut mesh = Mesh { positions: vec![[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], ..Mesh::default() };
+    for (ring, side) in (1..=rings).flat_map(|ring| (0..8).map(move |side| (ring, side))) {
+        let (share, angle) = (ring as f32 / rings as f32, side as f32 * std::f32::consts::FRAC_PI_4);
+        mesh.positions.push([1.0 - share, 0.02 * share * angle.cos(), 0.006 * share * angle.sin()]);
+    }
+    let at = |ring: u32, side: u32| 2 + (ring - 1) * 8 + side % 8;
+    for side in 0..8 {
+        mesh.triangles.extend([[0, at(1, side), at(1, side + 1)], [1, at(rings, side + 1), at(rings, side)]]);
+        for ring in 1..rings {
+            let [a, b, c, d] = [at(ring, side), at(ring + 1, side), at(ring + 1, side + 1), at(ring, side + 1)];
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    mesh
+}
+
+/// On the way back samples near the tip turn over, from the face in front to the one behind.
+#[test]
+fn a_tip_that_sticks_out_comes_back() {
+    let mesh = horn(60);
+    let (mut reducer, mut refiner) = collapse(&mesh, &Options { effort: Effort::Best, ..Options::default() }, 48);
+    let tip = |surface: &Surface| {
+        let points = (0..surface.points.len()).filter(|&p| !surface.ring(p as u32).is_empty());
+        points.max_by(|&p, &q| surface.points[p].x.total_cmp(&surface.points[q].x)).unwrap_or_default()
+    };
+    let first = tip(&reducer.surface);
+    let was = reducer.surface.points[first].x;
+    reducer.surface.points[first].x += 0.1;
+    let mut surface = reducer.surface.clone();
+    assert!(refiner.refine(&mut surface, reducer.locked(), reducer.cost.metric()));
+    let out = surface.points[tip(&surface)].x - was;
+    assert!(out.abs() < 0.01, "{out}");
+}
+
 #[test]
 fn what_cannot_be_better_stays() {
     let flat = sheet(12, &[]);
