@@ -1,7 +1,7 @@
 //! The default cost: memoryless quadrics, volume-preserving placement, curvature and normal angle as factors.
 //!
 //! The quadric of a point is rebuilt from the current faces at each pass, weighted by area, so that errors of long gone faces do not
-//! pile up (Lindstrom & Turk 1998, 1999). The joined point keeps the volume. ESQEM's Gaussian curvature and QFVP's angle between the
+//! pile up (Lindstrom & Turk 1998, 1999). The joined point keeps the volume, or goes some of the way to where it would if refinement follows. ESQEM's Gaussian curvature and QFVP's angle between the
 //! end normals multiply the cost rather than add to it: a dimensionless factor serves meshes of all sizes, and flat regions stay free.
 //!
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
@@ -34,6 +34,10 @@ const COLORS_AT_ENDS: f32 = 10.0;
 /// How much less curvature counts where the order of collapses is a rough one, and positions are all there is.
 const CURVATURE_IN_HASTE: f32 = 0.5;
 
+/// How far points go to where the volume is kept, if refinement follows: all of the way they stick out of what is round, and what is lost by less comes
+/// back.
+const REFINED_VOLUME_SHARE: f32 = 0.6;
+
 /// Variance of the normals around a point from which there is a crease, along which needles are no use.
 const CREASED: f64 = 0.05;
 
@@ -62,6 +66,7 @@ pub(crate) struct Enhanced {
     metric: Metric,
     /// Joined points go to an end.
     at_ends: bool,
+    volume_share: f32,
 }
 
 impl Enhanced {
@@ -73,6 +78,7 @@ impl Enhanced {
             options.curvature_weight *= CURVATURE_IN_HASTE;
         }
         Self {
+            volume_share: if options.effort == Effort::Fast { 1.0 } else { REFINED_VOLUME_SHARE },
             constraints: Constraints::new(&options),
             room: Room::of(&surface.points),
             options,
@@ -155,7 +161,8 @@ impl Enhanced {
 
     fn subject<'a>(&'a self, surface: &Surface, [a, b]: [u32; 2], pin: Option<f64>) -> Subject<'a> {
         let edge = surface.points[b as usize] - surface.points[a as usize];
-        Subject { ends: [&self.apexes[a as usize], &self.apexes[b as usize]], edge, pin }
+        let ends = [&self.apexes[a as usize], &self.apexes[b as usize]];
+        Subject { ends, edge, pin, volume_share: self.volume_share }
     }
 
     /// Judges the edge between two points that share `faces`, which join `pairs` of wedges.

@@ -95,6 +95,8 @@ const FEWEST_SAMPLES: usize = 6;
 const ENOUGH_SAMPLES: usize = 12;
 /// Samples a face that are enough to judge a level by.
 const MOST_JUDGES: usize = 6;
+/// How much larger the mean square of the samples that judge may become: they are surer than places of the level, where it has cliffs.
+const MOST_LOSS: f32 = 1.02;
 /// Share of the faces whose worst spots are worked on in a round.
 const PEAKS: f32 = 0.02;
 /// Squared distance, relative to the largest of the level, from which sweeps avoid peaks.
@@ -215,7 +217,8 @@ impl Refiner {
         self.followed.move_anchors(level.surface, level.lists);
         let is_better = is.reaches_no_farther(&was) && {
             self.assign(surface, judges.clone());
-            self.followed.distance_of(judges).with(is).is_within(&judged.with(was))
+            let judged_again = self.followed.distance_of(judges);
+            judged_again.mean <= judged.mean * MOST_LOSS && judged_again.with(is).is_within(&judged.with(was))
         };
         if !is_better {
             self.followed.anchors = anchors;

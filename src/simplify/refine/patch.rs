@@ -141,7 +141,11 @@ impl Patch {
         let mut sums = [f32x4::ZERO; 9];
         for k in 0..self.planes.len() {
             let plane = self.planes.get(k);
+            let [normal, fall] = plane.tilt();
+            let (mut area, mut turned) = (f32x4::ZERO, f32x4::ZERO);
             for Block { four, .. } in &self.blocks[range(&self.starts, k, self.blocks.len())] {
+                area += four.weight;
+                turned += four.weight * dot(four.normal, fall);
                 let (foot, squared) = plane.approach(four.position);
                 let (lever, slope) = (plane.weight_of_first(foot), prices.slopes(four.weight, squared));
                 let local = minus(four.position, plane.origin);
@@ -170,6 +174,12 @@ impl Patch {
                 for (sum, product) in sums.iter_mut().zip(products) {
                     *sum += product;
                 }
+            }
+            let (area, turned) = (area.reduce_add(), turned.reduce_add());
+            let [normal, fall] = [normal, fall].map(|v| Vec3::from_array(v.map(|x| x.as_array()[0])));
+            let steepness = fall.length();
+            if area * steepness > 0.0 {
+                step.add_pull(normal * steepness, -turned / (area * steepness), 0.5 * prices.of_turning() * area);
             }
         }
         step.add_sums(sums.map(f32x4::reduce_add));
@@ -256,5 +266,23 @@ mod tests {
         patch.add_to(&mut step, &prices);
         let (found, _) = step.solve(&[]).unwrap_or_default();
         assert!(found.distance(Vec3::Z * 0.1 / 1.02) < 1e-6, "{found}");
+    }
+
+    #[test]
+    fn a_sample_that_looks_another_way_tilts_the_face_towards_it() {
+        let fan = [[Vec3::ZERO, Vec3::new(-0.5, 1.0, 0.0), Vec3::new(-0.5, -1.0, 0.0)]];
+        let normal = Vec3::new(-0.1, 0.0, 1.0).normalize();
+        let mut patch = Patch::default();
+        patch.start_triangle();
+        patch.push_four(&Four::new(0, &Sample { position: fan[0][1], weight: 1.0, normal, face: 0 }, 0.0));
+        let prices = Prices::of_normals_and_needles(1.0, 0.0);
+        let before = patch.look(&fan, &prices).cost;
+        let mut step = Step::default();
+        patch.add_to(&mut step, &prices);
+        let (found, promise) = step.solve(&[]).unwrap_or_default();
+        let mut moved = fan;
+        moved[0][0] += found;
+        assert!(found.truncate().length() < 1e-6 && (found.z - 0.05).abs() < 0.002, "{found}");
+        assert!(promise > 0.0 && patch.look(&moved, &prices).cost < 0.01 * before);
     }
 }

@@ -1,6 +1,7 @@
 //! Triangles as the search for closest points wants them: each in a frame of its own, made four at a time and asked by four places at a time.
 
 use super::prices::Prices;
+use super::step::Step;
 use crate::lanes::{LANES, Vec3x4, cross, dot, gather, minus};
 use glam::Vec3;
 use wide::f32x4;
@@ -18,6 +19,8 @@ struct Four {
     frames: Plane,
     /// 4√3 · area / Σ edge², see [`Prices::of_shapes`]; large in copies.
     quality: f32x4,
+    /// Σ edge².
+    squares: f32x4,
 }
 
 /// The frames of four triangles, or of one four times: the first corner is the origin, the first edge the x axis.
@@ -110,6 +113,20 @@ impl Planes {
     pub fn price(&self, prices: &Prices) -> f32 {
         self.fours.iter().map(|four| prices.of_shapes(four.quality).reduce_add()).sum()
     }
+
+    /// What shapes add to the least squares problem for the first corner of all triangles.
+    pub fn add_shapes_to(&self, step: &mut Step, prices: &Prices) {
+        for (index, four) in (0..self.count).map(|index| (index, &self.fours[index / LANES])) {
+            let (frames, number) = (&four.frames, |v: f32x4| v.as_array()[index % LANES]);
+            let vector = |v: &Vec3x4| Vec3::from_array(v.map(number));
+            let (quality, squares) = (number(four.quality), number(four.squares));
+            let fall = frames.falls.map(number);
+            // The area grows as the corner's share does, and the squares of its edges fall towards the other two.
+            let others = [number(frames.length + frames.apex[0]), number(frames.apex[1])];
+            let [x, y] = [0, 1].map(|i| quality * (fall[i] + 2.0 * others[i] / squares));
+            prices.draw_to_shape(step, quality, vector(&frames.along) * x + vector(&frames.across) * y);
+        }
+    }
 }
 
 impl Four {
@@ -136,7 +153,7 @@ impl Four {
             falls: [-unit, (x - length) * flat],
             solid,
         };
-        Self { frames, quality: over(f32x4::splat(2.0 * 3f32.sqrt()) * double_area, edges) }
+        Self { frames, quality: over(f32x4::splat(2.0 * 3f32.sqrt()) * double_area, edges), squares: edges }
     }
 
     /// Gives triangles without an area, which are edges or points, a frame along them.
@@ -204,6 +221,12 @@ impl Plane {
         f32x4::ONE + self.falls[0] * places.x + self.falls[1] * places.y
     }
 
+    /// The normal, and the gradient of the first corner's share: with a step of that corner the normal turns by the step's height against it.
+    pub fn tilt(&self) -> [Vec3x4; 2] {
+        let fall = std::array::from_fn(|i| self.falls[0] * self.along[i] + self.falls[1] * self.across[i]);
+        [self.normal, fall]
+    }
+
     /// Which corner's share is largest at these places: 0, 1 or 2; of triangles without an area the first.
     #[inline(always)]
     pub fn weightiest_corner(&self, places: Places) -> f32x4 {
@@ -212,5 +235,31 @@ impl Plane {
         let second = f32x4::ONE - first - third;
         let corner = second.simd_gt(first) & f32x4::ONE;
         third.simd_gt(first.fast_max(second)).bitselect(f32x4::splat(2.0), corner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn shapes_draw_a_corner_to_where_they_cost_less(x in -1.5f32..2.5, height in 0.05f32..0.3) {
+            let prices = Prices::of_normals_and_needles(0.0, 1.0);
+            let triangle = |hub: Vec3| [hub, Vec3::new(0.0, 0.3, 0.0), Vec3::new(1.0, 0.0, 0.4)];
+            let hub = Vec3::new(x, 0.3 * (1.0 - x) + height, 0.4 * x);
+            let mut planes = Planes::default();
+            planes.fill(&[triangle(hub)]);
+            let mut step = Step::default();
+            planes.add_shapes_to(&mut step, &prices);
+            let cost = |hub: Vec3| prices.of_shape(&triangle(hub));
+            prop_assume!(cost(hub) > 1e-3);
+            let (found, _) = step.solve(&[]).unwrap_or_default();
+            let slope = Vec3::AXES.map(|axis| (cost(hub - axis * 1e-3) - cost(hub + axis * 1e-3)) / 2e-3);
+            let slope = Vec3::from_array(slope);
+            prop_assert!(found.normalize().dot(slope.normalize()) > 0.999, "{} {}", found, slope);
+            prop_assert!(cost(hub + found * 0.1) < cost(hub));
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What errors cost: one sum in which distance, its peaks, turned normals and needles are weighed against each other.
 
 use super::level::{Level, area, unit_normal};
+use super::step::Step;
 use crate::lanes::dot;
 use glam::Vec3;
 use wide::f32x4;
@@ -11,6 +12,8 @@ const NORMAL_SHARE: f32 = 0.6;
 const NEEDLE_SHARE: f32 = 32.0;
 /// Quality from which a shape costs nothing. A smallest angle of 10° is between 0.20 and 0.30.
 const GOOD_QUALITY: f32 = 0.45;
+/// How much of a shape's price draws points: the way to a good one is long, and distances are known near the point only.
+const SHAPE_PULL: f32 = 0.5;
 /// Squared distance, relative to the mean, of a peak as long as the largest is not known.
 const FIRST_PEAK: f32 = 16.0;
 /// Squared distance, relative to the mean, from which none is trusted that was found by walking; peaks never are.
@@ -71,6 +74,11 @@ impl Prices {
         self.peak_area = self.face_area;
     }
 
+    #[cfg(test)]
+    pub fn of_normals_and_needles(normal: f32, needle: f32) -> Self {
+        Self { normal, needle, ..Self::default() }
+    }
+
     pub fn peak(&self) -> f32 {
         self.peak
     }
@@ -102,6 +110,11 @@ impl Prices {
         area + if squared > self.peak { self.peak_area } else { 0.0 }
     }
 
+    /// Half of this, times a small angle squared and an area, is what turned normals cost there.
+    pub fn of_turning(&self) -> f32 {
+        self.normal
+    }
+
     /// Of a triangle.
     pub fn of_shape(&self, triangle: &[Vec3; 3]) -> f32 {
         self.of_shapes(f32x4::splat(quality(triangle))).as_array()[0]
@@ -111,6 +124,14 @@ impl Prices {
     pub fn of_shapes(&self, quality: f32x4) -> f32x4 {
         let lack = (f32x4::ONE - quality * f32x4::splat(1.0 / GOOD_QUALITY)).fast_max(f32x4::ZERO);
         lack * lack * f32x4::splat(self.needle)
+    }
+
+    /// Draws a point to where the shape of a triangle of this quality is good; `rise`: the gradient of its quality.
+    pub fn draw_to_shape(&self, step: &mut Step, quality: f32, rise: Vec3) {
+        let lack = 1.0 - quality / GOOD_QUALITY;
+        if lack > 0.0 {
+            step.add_pull(rise / GOOD_QUALITY, lack, SHAPE_PULL * self.needle);
+        }
     }
 }
 

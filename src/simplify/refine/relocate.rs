@@ -44,6 +44,10 @@ fn relocate_hub(level: &mut Level, p: u32, fan: &mut Fan, manner: Manner) -> boo
     }
     let mut step = Step::default();
     level.patch.add_to(&mut step, &level.prices);
+    // Distances leave a point free to slide where all is flat. There attributes may have wanted it where it is.
+    if level.wants.is_none() {
+        level.patch.planes.add_shapes_to(&mut step, &level.prices);
+    }
     if thorough {
         let probes = level.probe_fan(&fan.triangles, foot);
         before.cost += level.price(&probes);

@@ -28,20 +28,24 @@ impl Step {
     pub fn add(&mut self, residual: Vec3, lever: f32, slope: f32) {
         let length = residual.length();
         if length > 0.0 {
-            let p = residual * (lever / length);
-            let q = p * slope;
-            self.add_sums([
-                p.x * q.x,
-                p.x * q.y,
-                p.x * q.z,
-                p.y * q.y,
-                p.y * q.z,
-                p.z * q.z,
-                q.x * length,
-                q.y * length,
-                q.z * length,
-            ]);
+            self.add_pull(residual * (lever / length), length, slope);
         }
+    }
+
+    /// Adds slope · (pull · step − distance)².
+    pub fn add_pull(&mut self, p: Vec3, distance: f32, slope: f32) {
+        let q = p * slope;
+        self.add_sums([
+            p.x * q.x,
+            p.x * q.y,
+            p.x * q.z,
+            p.y * q.y,
+            p.y * q.z,
+            p.z * q.z,
+            q.x * distance,
+            q.y * distance,
+            q.z * distance,
+        ]);
     }
 
     /// The step, and the gain it promises. It does not go in `forbidden` directions (of unit length).
