@@ -1,8 +1,8 @@
 //! The default cost: memoryless quadrics, volume-preserving placement, curvature and normal angle as factors.
 //!
 //! The quadric of a point is rebuilt from the current faces at each pass, weighted by area, so that errors of long gone faces do not
-//! pile up (Lindstrom & Turk 1998, 1999). The joined point keeps the volume, or goes some of the way to where it would if refinement follows. ESQEM's Gaussian curvature and QFVP's angle between the
-//! end normals multiply the cost rather than add to it: a dimensionless factor serves meshes of all sizes, and flat regions stay free.
+//! pile up (Lindstrom & Turk 1998, 1999). The joined point keeps the volume, or goes some of the way to where it would if refinement
+//! follows. ESQEM's Gaussian curvature and QFVP's angle between the end normals multiply the cost rather than add to it: a dimensionless factor serves meshes of all sizes, and flat regions stay free.
 //!
 //! Limits: quadrics at the ends of an edge lag behind collapses next to it within one pass.
 
